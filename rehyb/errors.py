@@ -22,6 +22,10 @@ class Unreachable(RehybError):
     """No coordinator answers, or its answer was cut short."""
 
 
+class WrongProtocol(Unreachable):
+    """What answers speaks another protocol, or shows a certificate that nobody trusts."""
+
+
 class Unauthorized(RehybError):
     """The coordinator does not accept the token, or there is none."""
 

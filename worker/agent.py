@@ -11,7 +11,7 @@ from models.running.child import Result, failed
 from models.running.outcomes import Outcome
 from models.running.places import NoModelError
 from models.running.pool import Pool
-from rehyb.errors import RehybError, ServerError, Unreachable
+from rehyb.errors import RehybError, ServerError, Unreachable, WrongProtocol
 from worker import backoff
 from worker.close_loop.jobs import CloseLoopJobs
 from worker.leases import LeaseRequest, Leases, Ticket
@@ -54,6 +54,8 @@ class Agent:
         self._stop_requests = 0
         self._draining_since: float | None = None
         self._failures = 0
+        #: Whether the coordinator was ever reached: whoever was is no mistake.
+        self._answered = False
         self._silent_until = 0.0
         self._post_at = 0.0
         self._checking = False
@@ -70,6 +72,7 @@ class Agent:
 
         Raises:
             Unauthorized: the coordinator refuses the token; finished results stay on disk.
+            WrongProtocol: what answered first is no coordinator.
         """
         if adopted := self.spool.adopt():
             log.info("found %d results of an earlier worker that nobody has acknowledged", adopted)
@@ -178,15 +181,27 @@ class Agent:
             if request := self._request(now):
                 self.leases.ask(request, now)
         except (Unreachable, ServerError) as error:
+            if isinstance(error, WrongProtocol) and not self._answered:
+                raise
             self._failures += 1
             self._silent_until = now + backoff.full_jitter(self._failures, self.rng)
             if self._failures == 1:
-                log.warning("%s; trying again, results are kept on disk", error)
+                log.warning("%s; %s", error, self._what_follows(error))
         else:
             if self._failures:
-                log.info("the coordinator answers again")
+                log.info("the coordinator answers%s", " again" if self._answered else "")
             self._failures = 0
+            self._answered = True
             self.renewals.progress()
+
+    def _what_follows(self, error: RehybError) -> str:
+        """Say what is done about a coordinator that does not answer, and what if that is wrong."""
+        if self._answered:
+            return "trying again, results are kept on disk"
+        if isinstance(error, Unreachable):
+            return "trying again until one answers"
+        url = self.leases.client.url
+        return f"trying again until {url} answers; set REHYB_URL if the coordinator is elsewhere"
 
     def _request(self, now: float) -> LeaseRequest | None:
         """Return what to ask for now; None if there is enough to do, or it is too early."""

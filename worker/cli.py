@@ -185,8 +185,7 @@ def work(
         places.have(models or (), allow or (), umbridge or ())
         beside = Pool(1, instance_seconds, memory_mb=memory_mb)
         canaries = Canaries(pool=beside)
-        offered = WorkerModels(client=client, places=places, canaries=canaries)
-        offered.announce(worker["id"])
+        offered = WorkerModels(client=client, worker=worker["id"], places=places, canaries=canaries)
         leases = Leases(
             client=client,
             worker=worker,

@@ -3,6 +3,7 @@
 import gzip
 import json
 import os
+import ssl
 import time
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -13,8 +14,16 @@ from typing import Any, Self
 
 import httpx2
 
-from rehyb.client.wire import Answer, Wire, answered, is_plain
-from rehyb.errors import Invalid, RehybError, ServerError, Unauthorized, Unreachable, refusal
+from rehyb.client.wire import Answer, NotHttpError, Wire, answered, is_plain
+from rehyb.errors import (
+    Invalid,
+    RehybError,
+    ServerError,
+    Unauthorized,
+    Unreachable,
+    WrongProtocol,
+    refusal,
+)
 from rehyb.whole_files import whole_file
 
 Json = dict[str, Any]
@@ -57,6 +66,11 @@ class Connection:
         headers = {"Authorization": f"Bearer {token}"}
         try:
             address = httpx2.URL(self.url)
+            if address.scheme not in ("http", "https") or not address.host:
+                raise Invalid(
+                    f"{self.url} is not a coordinator's address: it begins with http:// or "
+                    "https://, and a host follows"
+                )
             direct = address.host in LOOPBACK
             self._http = httpx2.Client(
                 base_url=self.url,
@@ -157,6 +171,8 @@ class Connection:
         return self._http.build_request("GET", path).url
 
     def _unreachable(self, error: Exception) -> Unreachable:
+        if found := wrong_protocol(error):
+            return WrongProtocol(f"no coordinator answers at {self.url}: {found}")
         cause = str(error) or type(error).__name__
         return Unreachable(
             f"no coordinator answers at {self.url} ({cause}): start one with `rehyb up`, "
@@ -207,6 +223,23 @@ def body_of(response: Answer) -> Json:
     if not isinstance(body, dict):
         raise ServerError(f"{response.url} did not answer with a JSON object")
     return body
+
+
+def wrong_protocol(error: Exception) -> str | None:
+    """Say what is wrong if something answers that is no coordinator; None if nothing does."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, NotHttpError):
+            return f"what listens there does not speak HTTP ({cause})"
+        if isinstance(cause, ssl.SSLCertVerificationError):
+            why = cause.verify_message
+            return f"its certificate is not trusted ({why}); SSL_CERT_FILE names one that is"
+        if isinstance(cause, ssl.SSLError) and cause.reason == "WRONG_VERSION_NUMBER":
+            return (
+                "what listens there does not speak TLS: an address without it begins with http://"
+            )
+        cause = cause.__cause__ or cause.__context__
+    return None
 
 
 def error_of(response: Answer) -> RehybError:

@@ -30,6 +30,10 @@ class WireError(OSError):
     """The other side does not speak HTTP, or has hung up in the middle of an answer."""
 
 
+class NotHttpError(WireError):
+    """The other side does not speak HTTP."""
+
+
 @dataclass(slots=True)
 class Answer:
     """An answer to a request, read to its end: what a coordinator's client needs of one."""
@@ -174,13 +178,16 @@ class _Reading:
         try:
             self._parser.feed_data(chunk)
         except (httptools.HttpParserError, httptools.HttpParserUpgrade) as error:
-            raise WireError(f"no answer in HTTP: {error}") from None
+            raise NotHttpError(f"no answer in HTTP: {error}") from None
 
     def end(self) -> None:
         """Take note that nothing more comes, which ends a body of no given length."""
         names = {name.lower() for name, _ in self.headers}
-        if not self.begun or names & {b"content-length", b"transfer-encoding"}:
-            raise WireError("the coordinator hung up without an answer")
+        if not self.begun:
+            # So does one that speaks TLS, but who is just being restarted, too.
+            raise WireError("it hung up without an answer; of one with TLS give https://")
+        if names & {b"content-length", b"transfer-encoding"}:
+            raise WireError("it hung up in the middle of an answer")
         self.complete = True
 
     def on_message_begin(self) -> None:

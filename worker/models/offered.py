@@ -28,8 +28,11 @@ class WorkerModels:
     """
 
     client: Client
+    #: Id of this worker.
+    worker: str
     places: Places
     canaries: Canaries
+    _announced: bool = False
     _wanted: dict[str, Description] = field(default_factory=dict)
     _look_at: float = 0.0
 
@@ -45,18 +48,19 @@ class WorkerModels:
         #: How many of open studies' models it may have besides.
         self._room = most - len(self._named)
 
-    def announce(self, worker: str) -> None:
-        """Tell the coordinator of the models whose code is here, with `worker`.
+    def offered(self, now: float) -> Mapping[str, str]:
+        """Return what to ask work for, each with its canary; now and then, look what is wanted.
+
+        The coordinator is told first of the models whose code is here.
 
         Raises:
-            RehybError: it does not take one of them.
+            RehybError: it does not answer, or does not take one of them.
         """
-        for description in self._named.values():
-            if description.kind != Kind.MJCF:
-                self.client.announce_model(description.as_json(), worker)
-
-    def offered(self, now: float) -> Mapping[str, str]:
-        """Return what to ask work for, each with its canary; now and then, look what is wanted."""
+        if not self._announced:
+            for description in self._named.values():
+                if description.kind != Kind.MJCF:
+                    self.client.announce_model(description.as_json(), self.worker)
+            self._announced = True
         if now >= self._look_at:
             self._look_at = now + LOOK_SECONDS
             self._wanted = {

@@ -10,7 +10,7 @@ import pytest
 
 from models.running.pool import Finished
 from rehyb.client import Client
-from rehyb.errors import Unauthorized
+from rehyb.errors import Unauthorized, WrongProtocol
 from tests.testbed.fleet.fake_coordinator import Work
 from worker.leases import LAST_WORDS_SECONDS
 from worker.posting import TRIES
@@ -72,6 +72,49 @@ def test_a_coordinator_that_is_away_gets_the_results_when_it_is_back(tmp_path: P
     work.agent.run()
     assert set(work.coordinator.results) == {"a", "b"}
     assert work.coordinator.away == 0
+
+
+def test_what_a_worker_waits_for_at_its_start_and_later_is_told_once_and_with_what_to_do(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", logger="worker.agent")
+    work = Work(tmp_path, [["a"]])
+    work.coordinator.away = 3
+    work.agent.run()
+    waiting, found = (record.message for record in caplog.records[:2])
+    assert waiting.endswith("or set REHYB_URL to where it listens; trying again until one answers")
+    assert found == "the coordinator answers"
+    assert set(work.coordinator.results) == {"a"}
+
+
+def test_a_server_that_fails_at_the_first_request_is_waited_for_too(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    work = Work(tmp_path, [], max_idle=0.2)
+    work.coordinator.status = 503
+    work.agent.run()
+    (waiting,) = (record.message for record in caplog.records)
+    assert waiting.endswith("answers; set REHYB_URL if the coordinator is elsewhere")
+
+
+def test_what_answers_in_another_protocol_ends_a_worker_at_its_start_and_never_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = Work(tmp_path, [])
+    client = work.agent.leases.client
+    ask, wrong = client.lease, [False]
+
+    def lease(**said: Any) -> Any:
+        if wrong[0]:
+            raise WrongProtocol("it does not speak TLS")
+        wrong[0] = True
+        return ask(**said)
+
+    monkeypatch.setattr(client, "lease", lease)
+    work.agent.run()
+    assert wrong[0]
+    with pytest.raises(WrongProtocol):
+        work.new_agent("w2", client=client).run()
 
 
 def test_results_nobody_takes_stay_on_disk_and_the_next_worker_posts_them(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ import pytest
 
 from tests.testbed.fleet.bad_network import BadNetwork
 from tests.testbed.fleet.lab import Lab, until
+from tests.testbed.models import EXAMPLES
 from worker.cli import SAME_SIGNAL_SECONDS
 
 #: Enough instances that a worker is in the midst of them when it gets its signal.
@@ -155,10 +156,15 @@ def test_a_worker_waits_for_a_coordinator_that_is_not_there_yet_and_outlasts_its
 ) -> None:
     lab.coordinator.terminate()
     assert lab.coordinator.wait(20) == 0
-    worker = lab.start_worker("--batch", "50")
+    # Of a model whose code it has it tells the coordinator first.
+    worker = lab.start_worker("--batch", "50", "--models", str(EXAMPLES / "ishigami_awk"))
+    log = lab.folder / f"worker-{len(lab.processes) - 1}.log"
+    until(lambda: "; trying again until one answers" in log.read_text())
     time.sleep(1.0)
     assert worker.poll() is None
     lab.start_coordinator()
+    until(lambda: "ishigami_awk" in {model["name"] for model in lab.client.models()})
+    assert log.read_text().count("trying again") == 1
     study = lab.client.submit({**STUDY, "rows": 500})["id"]
     until(lambda: lab.client.progress(study)["ok"] > 0)
     lab.coordinator.kill()
@@ -184,9 +190,20 @@ def test_posts_that_take_longer_than_a_lease_lose_no_instance(tmp_path: Path) ->
         lab.close()
 
 
-def test_a_worker_with_a_wrong_token_says_so_in_one_sentence(lab: Lab) -> None:
-    worker = lab.start_worker("--token", "wrong")
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (("--token", "wrong"), "token"),
+        (("--url", "https://127.0.0.1:{port}"), "does not speak TLS"),
+        (("--url", "127.0.0.1:{port}"), "is not a coordinator's address: it begins with http://"),
+    ],
+)
+def test_what_waiting_does_not_mend_ends_a_worker_at_its_start_in_one_sentence(
+    lab: Lab, option: tuple[str, str], words: str
+) -> None:
+    worker = lab.start_worker(option[0], option[1].format(port=lab.port))
     assert worker.wait(20) == 1
     log = (lab.folder / "worker-1.log").read_text()
     assert "Traceback" not in log
-    assert log.splitlines()[-1].startswith("rehyb-worker: ")
+    last = log.splitlines()[-1]
+    assert last.startswith("rehyb-worker: ") and words in last

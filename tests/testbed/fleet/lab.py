@@ -41,6 +41,7 @@ class Lab:
             "REHYB_TOKEN": TOKEN,
             "REHYB_URL": f"http://127.0.0.1:{self.port}",
             "REHYB_PORT": str(self.port),
+            "XDG_STATE_HOME": str(folder / "state"),
             "REHYB_DATABASE_URL": f"sqlite:///{folder}/lab.sqlite3",
             **settings,
         }

@@ -9,7 +9,7 @@ import pytest
 from models.description import Kind
 from models.running.place import Place
 from models.running.places import Places
-from rehyb.errors import Invalid
+from rehyb.errors import Invalid, Unreachable
 from sim.models import MODELS
 from tests.unit.worker.test_canaries import MODEL
 from worker.models.canaries import Canaries
@@ -21,6 +21,16 @@ NAMED = [replace(MODEL, name=f"m{i}", deterministic=False) for i in range(MOST_M
 
 class Open:
     """A coordinator with open studies of more uploaded models than any worker may have."""
+
+    def __init__(self) -> None:
+        self.announced: list[str] = []
+        self.away = 0
+
+    def announce_model(self, description: dict[str, Any], worker: str) -> None:
+        if self.away:
+            self.away -= 1
+            raise Unreachable("it is not there yet")
+        self.announced.append(f"{description['name']} of {worker}")
 
     def models(self, wanted: bool) -> list[dict[str, Any]]:
         return [
@@ -35,7 +45,8 @@ def offering(named: int) -> WorkerModels:
         places.descriptions[one.version] = one
         places.places[one.version] = Place(kind=Kind.COMMAND, digest=one.digest, where="here")
     canaries = Canaries(pool=None)  # type: ignore[arg-type]
-    return WorkerModels(client=Open(), places=places, canaries=canaries)  # type: ignore[arg-type]
+    there: Any = Open()
+    return WorkerModels(client=there, worker="w", places=places, canaries=canaries)
 
 
 def test_more_models_than_a_coordinator_takes_of_a_worker_are_refused_before_any_is_asked_for() -> (
@@ -60,3 +71,17 @@ def test_open_studies_models_fill_what_the_owners_leave_and_no_more(
     )
     offered = offering(30).offered(0.0)
     assert len(offered) == MOST_MODELS
+
+
+def test_a_coordinator_is_told_of_models_whose_code_is_here_before_work_and_until_it_has_heard(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Open, "models", lambda self, wanted: [])
+    offering_one = offering(1)
+    there: Any = offering_one.client
+    there.away = 1
+    with pytest.raises(Unreachable):
+        offering_one.offered(0.0)
+    for now in (1.0, 2.0):
+        assert NAMED[0].version in offering_one.offered(now)
+    assert there.announced == [f"{NAMED[0].name} of w"]

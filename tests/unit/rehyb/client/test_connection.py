@@ -1,5 +1,6 @@
 """Where a coordinator is, how long it is waited for, and how what it says of itself is heard."""
 
+import ssl
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,6 +11,7 @@ import pytest
 
 from rehyb import Client, Conflict, Invalid, ServerError, Unreachable
 from rehyb.client.connection import COMPRESS_BYTES, DEFAULT_URL, Connection
+from rehyb.errors import WrongProtocol
 from tests.testbed.recorder import Recorder
 
 
@@ -21,6 +23,33 @@ def test_a_place_without_an_address_is_this_machine(monkeypatch: pytest.MonkeyPa
     assert Connection("http://lab:9000", "t").url == "http://lab:9000"
     with pytest.raises(Invalid, match=r"^http://lab:no is not a coordinator's address: "):
         Connection("http://lab:no", "t")
+
+
+@pytest.mark.parametrize(
+    "url", ["lab:8787", "192.168.1.10:8787", "ftp://lab", "http://", "http:///v1"]
+)
+def test_an_address_that_is_none_is_refused_before_anybody_waits_for_it(url: str) -> None:
+    with pytest.raises(Invalid, match=r"it begins with http:// or https://, and a host follows$"):
+        Connection(url, "t")
+
+
+def test_who_has_another_protocol_or_certificate_is_told_from_who_is_not_there() -> None:
+    certificate = ssl.SSLCertVerificationError(1, "certificate verify failed")
+    certificate.verify_message = "self-signed certificate"
+    plain = ssl.SSLError(1, "wrong version number")
+    plain.reason = "WRONG_VERSION_NUMBER"
+    fault = httpx2.ConnectError("it fails")
+
+    def refuse(request: httpx2.Request) -> httpx2.Response:
+        raise fault
+
+    client = Client("https://lab", "t", transport=httpx2.MockTransport(refuse))
+    for fault.__cause__, words in (
+        (certificate, r"not trusted \(self-signed certificate\); SSL_CERT_FILE names one"),
+        (plain, r"does not speak TLS: an address without it begins with http://$"),
+    ):
+        with pytest.raises(WrongProtocol, match=words):
+            client.studies()
 
 
 @pytest.mark.parametrize(("said", "seconds"), [("12", 12.0), ("", 1.0), ("soon", 1.0)])

@@ -13,6 +13,7 @@ import pytest
 
 from rehyb import Client, Invalid, Unreachable
 from rehyb.client.wire import Wire, is_plain
+from rehyb.errors import WrongProtocol
 
 OK = b"HTTP/1.1 200 OK\r\nContent-Length: 14\r\n\r\n"
 ANSWER = OK + b'{"studies":[]}'
@@ -135,9 +136,8 @@ def test_what_follows_an_answer_is_not_the_next_one(host: HostOf) -> None:
 @pytest.mark.parametrize(
     ("answer", "why"),
     [
-        (b"", "hung up without an answer"),
-        (b"SSH-2.0-OpenSSH_9.2\r\n", "no answer in HTTP"),
-        (b"HTTP/1.1 200 OK\r\nContent-Length: 99\r\nX: close\r\n\r\n{", "hung up without"),
+        (b"", "hung up without an answer; of one with TLS give https://"),
+        (b"HTTP/1.1 200 OK\r\nContent-Length: 99\r\nX: close\r\n\r\n{", "hung up in the middle"),
         (b"HTTP/1.1 200 OK\r\nContent-Length: 99\r\n\r\n{", "timed out"),
     ],
 )
@@ -145,6 +145,14 @@ def test_who_gives_no_answer_is_no_coordinator(answer: bytes, why: str, host: Ho
     with (
         Client(host(answer).url, "secret", timeout=0.2) as client,
         pytest.raises(Unreachable, match=f"no coordinator answers at http://.*{why}.*rehyb up"),
+    ):
+        client.studies()
+
+
+def test_who_answers_in_another_protocol_is_told_from_who_is_not_there_yet(host: HostOf) -> None:
+    with (
+        Client(host(b"SSH-2.0-OpenSSH_9.2\r\n").url, "secret") as client,
+        pytest.raises(WrongProtocol, match=r"does not speak HTTP \(no answer in HTTP: "),
     ):
         client.studies()
 
