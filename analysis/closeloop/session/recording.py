@@ -14,10 +14,10 @@ from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import (
     LEAST_MEASURED,
     REST_SHARE,
+    MeasuredLowpass,
     Sampling,
     lagged,
     lowpass,
-    lowpass_measured,
     shifted,
     slope,
     through,
@@ -33,7 +33,7 @@ MOVING = 5e-3
 #: What depends on position alone changes slowly: it is computed at every so many samples.
 REST_STEP = 4
 #: What does not depend on which joints are analysed.
-SHARED = ("rigid", "inverse", "static", "top_speed", "rest_speed")
+SHARED = ("rigid", "inverse", "static", "top_speed", "rest_speed", "_lowpasses")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,11 +259,12 @@ class Recording:
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """Pass columns (n, ...) through the fit's low-pass, piece by piece, as the effort."""
-        cutoff, out = self.sampling.fit_cutoff, np.empty_like(columns)
-        for piece in self.slices:
-            own = self.measured[piece]
-            out[piece] = lowpass_measured(columns[piece], own, cutoff, self.rate)
-        return out
+        return np.concatenate([low(columns[own]) for own, low in self._lowpasses])
+
+    @cached_property
+    def _lowpasses(self) -> list[tuple[slice, MeasuredLowpass]]:
+        cutoff, rate = self.sampling.fit_cutoff, self.rate
+        return [(own, MeasuredLowpass(self.measured[own], cutoff, rate)) for own in self.slices]
 
     @cached_property
     def usable(self) -> np.ndarray:
@@ -322,12 +323,11 @@ class Recording:
         pushed = still.copy()
         if accelerated is not None:
             pushed[:, accelerated] = 1.0
-        thin_torque = self._inverse(position[every], still, pushed, rows=every)
-        torque, start = np.empty_like(position), 0
-        for piece, rows in zip(self.slices, where, strict=True):
-            thin = thin_torque[start : start + len(rows)]
-            start += len(rows)
-            torque[piece] = CubicSpline(rows, thin)(np.arange(piece.start, piece.stop))
+        thin = self._inverse(position[every], still, pushed, rows=every)
+        parts = np.split(thin, np.cumsum([len(rows) for rows in where])[:-1])
+        torque = np.empty_like(position)
+        for piece, rows, part in zip(self.slices, where, parts, strict=True):
+            torque[piece] = CubicSpline(rows, part)(np.arange(piece.start, piece.stop))
         return torque
 
     def _inverse(

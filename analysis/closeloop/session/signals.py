@@ -59,26 +59,33 @@ def rms(signal: np.ndarray) -> float:
     return float(np.sqrt(np.mean(signal**2)))
 
 
-def lowpass_measured(
-    signal: np.ndarray, measured: np.ndarray, cutoff: float, rate: float
-) -> np.ndarray:
-    """Return `signal`, (n, ...), without what lies above `cutoff`, missing samples left out.
+class MeasuredLowpass:
+    """Takes away what lies above `cutoff`, missing samples left out.
 
     Every sample counts by its share of measured ones, and the filter's output is divided by what it
     gives for those shares (normalised convolution, Knutsson and Westin 1993). The operation is
     linear, so what is missing is missing on both sides of a regression alike.
 
     Args:
-        signal: what stands at a missing sample has no effect.
         measured: share of measured samples at each, 0 to 1, (n,).
         cutoff: Hz.
         rate: Hz.
     """
-    if measured.all() and np.ptp(measured) == 0.0:
-        return lowpass(signal, cutoff, rate)
-    weight = measured.reshape(-1, *([1] * (signal.ndim - 1)))
-    share = lowpass(weight, cutoff, rate)
-    return np.asarray(lowpass(signal * weight, cutoff, rate) / np.maximum(share, LEAST_MEASURED))
+
+    def __init__(self, measured: np.ndarray, cutoff: float, rate: float) -> None:
+        self._cutoff, self._rate = cutoff, rate
+        self._whole = bool(measured.all() and np.ptp(measured) == 0.0)
+        self._weight = measured
+        if not self._whole:
+            self._share = np.maximum(lowpass(measured, cutoff, rate), LEAST_MEASURED)
+
+    def __call__(self, signal: np.ndarray) -> np.ndarray:
+        """Return what is left of `signal`, (n, ...); what stands at a missing sample is nothing."""
+        if self._whole:
+            return lowpass(signal, self._cutoff, self._rate)
+        shape = (-1, *([1] * (signal.ndim - 1)))
+        weighted = signal * self._weight.reshape(shape)
+        return np.asarray(lowpass(weighted, self._cutoff, self._rate) / self._share.reshape(shape))
 
 
 def lowpass(

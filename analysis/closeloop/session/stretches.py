@@ -15,10 +15,10 @@ from analysis.closeloop.session.files import SESSION_FILE
 from analysis.closeloop.session.missing import near_a_sample, with_missing_counted, without_stale
 from analysis.closeloop.session.recording import MOVING, Recording
 from analysis.closeloop.session.signals import (
+    MeasuredLowpass,
     Sampling,
     derivatives,
     lowpass,
-    lowpass_measured,
 )
 
 #: Steps longer than this many medians are gaps, which end a stretch.
@@ -92,12 +92,13 @@ def effort_for_fit(piece: Stretch, sampling: Sampling) -> tuple[np.ndarray, np.n
     measured, effort, rate = piece.measured.astype(float), piece.effort, sampling.recorded
     if sampling.decimation > 1:
         narrow = ALIASES * sampling.working
-        effort = lowpass_measured(effort, measured, narrow, rate)
+        effort = MeasuredLowpass(measured, narrow, rate)(effort)
         if not piece.measured.all():
             measured = np.clip(lowpass(measured, narrow, rate), 0.0, 1.0)
         every = slice(None, None, sampling.decimation)
         effort, measured = effort[every], measured[every]
-    return lowpass_measured(effort, measured, sampling.fit_cutoff, sampling.working), measured
+    low = MeasuredLowpass(measured, sampling.fit_cutoff, sampling.working)
+    return low(effort), measured
 
 
 def stretches(

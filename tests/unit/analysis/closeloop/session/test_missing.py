@@ -15,7 +15,7 @@ from analysis.closeloop.session.missing import (
     without_stale,
 )
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.signals import lowpass_measured
+from analysis.closeloop.session.signals import MeasuredLowpass
 from analysis.closeloop.session.stretches import record
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.synthetic import mjcf
@@ -59,9 +59,10 @@ def test_what_stands_at_a_missing_sample_does_not_matter() -> None:
     signal, kept = rng.standard_normal((600, 2)), some_missing(600)
     nonsense = np.where(kept[:, None], signal, 1e6)
     measured = kept.astype(float)
-    first, second = (lowpass_measured(s, measured, 8.0, RATE) for s in (signal, nonsense))
+    low = MeasuredLowpass(measured, 8.0, RATE)
+    first, second = low(signal), low(nonsense)
     assert first == pytest.approx(second, abs=1e-9)
-    assert lowpass_measured(np.full(600, 3.0), measured, 8.0, RATE) == pytest.approx(3.0, abs=1e-6)
+    assert low(np.full(600, 3.0)) == pytest.approx(3.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("rate", [RATE, 1000.0])
@@ -75,7 +76,7 @@ def test_effort_and_regressors_lose_the_same_samples_to_the_same_filter(rate: fl
     step = np.arange(len(recording.time)) * every
     column = whole.columns["elbow.effort"].copy()
     if every > 1:
-        column = lowpass_measured(column, kept.astype(float), 0.4 * recording.rate, rate)
+        column = MeasuredLowpass(kept.astype(float), 0.4 * recording.rate, rate)(column)
     column = column[step][:, None]
     left = recording.filtered(column)[:, 0] - recording.effort[:, elbow]
     assert np.abs(left[recording.usable]).max() < 1e-6
