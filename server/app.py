@@ -48,6 +48,7 @@ from server.sandbox import CHECKS
 from server.settings import Settings
 from server.store import create_engine, require_current
 from server.store.database.engine import server_time
+from server.store.database.presence import Presence
 from server.threads import in_thread
 from server.web import assets, fleet, pages, sign_in
 from server.web.live import Hub
@@ -127,7 +128,9 @@ def create_app(settings: Settings) -> FastAPI:
 def _share(app: FastAPI, settings: Settings) -> None:
     """Make what requests and tasks of this coordinator share, `app.state`."""
     app.state.settings = settings
-    app.state.engine = create_engine(settings.database_url, durability=settings.durability)
+    app.state.engine = create_engine(
+        settings.database_url, durability=settings.durability, presence=Presence()
+    )
     app.state.exchange = Exchanges(app.state.engine)
     app.state.clock = app.state.own_clock = steady()
     app.state.readiness = Readiness(app.state.engine)

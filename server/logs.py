@@ -5,9 +5,14 @@ import sys
 
 import structlog
 
+from server.store.database.presence import is_told
+
 
 def configure(level: str) -> None:
-    """Send everything that is logged in this process, by whatever library, out as JSON lines."""
+    """Send everything that is logged in this process, by whatever library, out as JSON lines.
+
+    Of what fails since the database is away nothing is sent: that it is, is said once.
+    """
     shared: list[structlog.typing.Processor] = [
         structlog.contextvars.merge_contextvars,
         structlog.stdlib.add_log_level,
@@ -26,6 +31,7 @@ def configure(level: str) -> None:
             ],
         )
     )
+    handler.addFilter(lambda record: not (record.exc_info and is_told(record.exc_info[1])))
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(level.upper())

@@ -4,6 +4,7 @@ import asyncio
 import gc
 import signal
 import socket
+import threading
 from typing import Any
 
 import uvicorn
@@ -14,7 +15,8 @@ from server.instance_lock import instance_lock
 from server.logs import configure
 from server.operations.check import refuse_damage
 from server.settings import Settings
-from server.store import upgrade
+from server.store import create_engine, upgrade
+from server.store.database.presence import once_there
 
 #: Seconds a stopping coordinator gives requests under way.
 GRACE_SECONDS = 10
@@ -28,6 +30,8 @@ GARBAGE = 10_000
 def serve(settings: Settings) -> None:
     """Bring the database up to date and serve until SIGTERM or SIGINT, then return.
 
+    A database server that is not there yet is waited for, which is logged.
+
     Prints `listening on http://HOST:PORT` to standard output once connections are accepted.
 
     Raises:
@@ -37,13 +41,34 @@ def serve(settings: Settings) -> None:
         OSError: the address cannot be listened on.
     """
     configure(settings.log_level)
+    stop = threading.Event()
+
+    def heed(number: int, _: object) -> None:
+        stop.set()
+        # Who asks again does not want to wait for what is under way.
+        signal.signal(number, signal.SIG_DFL)
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, heed)
     with instance_lock(settings.database_url):
-        _serve(settings)
+        _make_ready(settings.database_url, stop)
+        if not stop.is_set():
+            _serve(settings)
+
+
+def _make_ready(url: str, stop: threading.Event) -> None:
+    def look() -> None:
+        refuse_damage(url, seconds=CHECK_SECONDS)
+        upgrade(url)
+
+    engine = create_engine(url)
+    try:
+        once_there(engine, look, stop=stop)
+    finally:
+        engine.dispose()
 
 
 def _serve(settings: Settings) -> None:
-    refuse_damage(settings.database_url, seconds=CHECK_SECONDS)
-    upgrade(settings.database_url)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     with socket.create_server((settings.host, settings.port), family=family) as listener:
         # Connections inherit it. Without it, Nagle's algorithm and delayed acknowledgements hold

@@ -10,12 +10,13 @@ from time import monotonic
 from urllib.parse import quote
 
 from fastapi import HTTPException
+from sqlalchemy.exc import DBAPIError
 from starlette.datastructures import Headers
 from starlette.requests import cookie_parser
 from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from server.http.problems import problem
+from server.http.problems import problem, unless_away
 from server.logic.signing_in import OPERATOR, READING, Seal, comes_from_here
 from server.logic.tokens import FAILURE_SECONDS, Believed, Failures, may, scopes_needed
 from server.records import Token
@@ -74,7 +75,12 @@ class Guard:
         if scope["type"] != "http" or scope["path"].startswith(_OPEN):
             await self._app(scope, receive, send)
             return
-        refusal = await self._objection(scope)
+        refusal: ASGIApp | None
+        try:
+            refusal = await self._objection(scope)
+        except DBAPIError as error:
+            # Here, in front of all routes, nobody else answers what is raised.
+            refusal = unless_away(error)
         await (refusal or self._app)(scope, receive, send)
 
     async def _objection(self, scope: Scope) -> ASGIApp | None:

@@ -18,12 +18,12 @@ from server.errors import (
     InvalidStudyError,
     NotFoundError,
 )
-from server.store.database.engine import is_away
+from server.store.database.presence import why_away
 
 log = logging.getLogger(__name__)
 
 #: After so many seconds to ask again while the database is away.
-AWAY_SECONDS = 2
+AGAIN = {"Retry-After": "2"}
 
 _STATUS: Mapping[type[CoordinatorError], HTTPStatus] = {
     NotFoundError: HTTPStatus.NOT_FOUND,
@@ -90,15 +90,8 @@ def install(app: FastAPI) -> None:
         return problem(error.status_code, str(error.detail), headers=error.headers)
 
     @app.exception_handler(DBAPIError)
-    def stuck(request: Request, error: DBAPIError) -> JSONResponse:
-        if not is_away(error):
-            raise error
-        log.warning("%s %s: %s", request.method, request.url.path, error.orig)
-        return problem(
-            HTTPStatus.SERVICE_UNAVAILABLE,
-            "the database is away or its disk is full: ask again",
-            headers={"Retry-After": str(AWAY_SECONDS)},
-        )
+    def stuck(_request: Request, error: DBAPIError) -> JSONResponse:
+        return unless_away(error)
 
     @app.exception_handler(Exception)
     def failed(request: Request, _error: Exception) -> JSONResponse:
@@ -107,6 +100,17 @@ def install(app: FastAPI) -> None:
             HTTPStatus.INTERNAL_SERVER_ERROR,
             "the coordinator failed to answer; its log says why",
         )
+
+
+def unless_away(error: Exception) -> JSONResponse:
+    """Return what is answered while the database is away; raise any other error again."""
+    if why_away(error) is None:
+        raise error
+    return problem(
+        HTTPStatus.SERVICE_UNAVAILABLE,
+        "the database is away or its disk is full: ask again",
+        headers=AGAIN,
+    )
 
 
 def _fault(item: Mapping[str, Any]) -> dict[str, str]:

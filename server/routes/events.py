@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from fastapi.responses import StreamingResponse
+from sqlalchemy.exc import DBAPIError
 
 from server.errors import NotFoundError
+from server.store.database.presence import why_away
 
 #: A line is sent at least this often, so that nothing between takes the connection for dead.
 KEEPALIVE_SECONDS = 15.0
@@ -67,3 +69,7 @@ async def follow(
         except NotFoundError:
             yield "event: deleted\ndata: {}\n\n"
             return
+        except DBAPIError as error:
+            # Who listens hears on when the database is back.
+            if why_away(error) is None:
+                raise

@@ -2,6 +2,8 @@
 
 from fastapi import APIRouter, HTTPException, Request
 
+from server.http.problems import AGAIN
+
 router = APIRouter(tags=["health"])
 
 
@@ -16,5 +18,5 @@ def ready(request: Request) -> dict[str, str]:
     """Answer 200 if a lease could be served, else 503: the schema is another, the disk is full."""
     objection = request.app.state.readiness.objection()
     if objection is not None:
-        raise HTTPException(503, f"the database cannot be used: {objection}")
+        raise HTTPException(503, f"the database cannot be used: {objection}", headers=AGAIN)
     return {"status": "ready"}

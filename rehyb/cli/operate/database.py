@@ -4,6 +4,7 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -100,6 +101,7 @@ def opened(*, upgraded: bool = False, stop: threading.Event | None = None) -> It
     """
     with needs_extra("the database", "server"):
         from server.store import create_engine, require_current, upgrade
+        from server.store.database.presence import once_there
 
     url = _url()
     with in_one_sentence():
@@ -110,35 +112,10 @@ def opened(*, upgraded: bool = False, stop: threading.Event | None = None) -> It
             if stop is None:
                 require_current(engine)
             else:
-                _require_once_there(engine, stop)
+                once_there(engine, partial(require_current, engine), stop=stop)
             yield engine
         finally:
             engine.dispose()
-
-
-def _require_once_there(engine: "Engine", stop: threading.Event) -> None:
-    """Look at the schema as soon as a server is there, which may refuse us for good then."""
-    from sqlalchemy.exc import SQLAlchemyError
-
-    from analysis.sensitivity.service import patiently
-    from server.errors import DatabaseAwayError
-    from server.store import require_current
-    from server.store.database.engine import require_answer
-
-    def look() -> bool:
-        require_answer(engine)
-        try:
-            require_current(engine)
-        except SQLAlchemyError:
-            # It may have gone meanwhile.
-            require_answer(engine)
-            raise
-        return True
-
-    def why_away(error: Exception) -> str | None:
-        return str(error) if isinstance(error, DatabaseAwayError) else None
-
-    patiently(look, stop=stop, why_away=why_away)
 
 
 def _url() -> str:

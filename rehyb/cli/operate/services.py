@@ -89,7 +89,7 @@ def page(client: Client) -> Answer:
 
 
 def coordinator() -> None:
-    """Serve the REST API until SIGTERM or Ctrl-C.
+    """Serve the REST API until SIGTERM or Ctrl-C; a database that is away is waited for.
 
     REHYB_TOKEN (required), REHYB_DATABASE_URL, REHYB_HOST, REHYB_PORT, REHYB_LEASE_SECONDS,
     REHYB_STRANDED_SECONDS, REHYB_RECOMPUTE_SHARE, REHYB_RECOMPUTE_TOLERANCE,
@@ -124,7 +124,7 @@ def analysis() -> None:
         from analysis.sensitivity.service import follow
         from server.logs import configure
         from server.operations.study.result_log import StoreResultLog
-        from server.store.database.engine import why_away
+        from server.store.database.presence import why_away
 
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -6,17 +6,18 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
-from sqlalchemy.exc import ArgumentError, DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import ArgumentError
 
-from server.errors import CoordinatorError, DatabaseAwayError
+from server.errors import CoordinatorError
 from server.store.database.prepared import failure
+from server.store.database.presence import Presence
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -31,17 +32,17 @@ BUSY_SECONDS = 30
 #: the disk every hundredth transaction.
 LOG_PAGES = 10_000
 
-#: Kinds of SQLite's errors that pass without another request: disk full or failing, file in use.
-_PASSING = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR})
 
-
-def create_engine(url: str, *, durability: str = "normal") -> Engine:
+def create_engine(
+    url: str, *, durability: str = "normal", presence: Presence | None = None
+) -> Engine:
     """Return an engine whose transactions are opened with `reading` and `writing` only.
 
     Args:
         url: sqlite:///FILE or postgresql+psycopg://...; the file need not exist yet.
         durability: "full": a commit waits until the disk has it. SQLite does not by itself;
             PostgreSQL does unless its `synchronous_commit` is off.
+        presence: is told how transactions end.
 
     Raises:
         CoordinatorError: there is no such kind of database, or the URL is none.
@@ -49,7 +50,7 @@ def create_engine(url: str, *, durability: str = "normal") -> Engine:
     engine = sa.create_engine(
         _of_known_kind(url),
         json_serializer=JSON.encode,
-        execution_options={"writer": threading.Lock()},
+        execution_options={"writer": threading.Lock(), "presence": presence},
         pool_size=10,
         max_overflow=40,
         # The connection that wrote last knows the pages that the next one will want.
@@ -84,7 +85,7 @@ def _of_known_kind(url: str) -> sa.URL:
 @contextmanager
 def reading(engine: Engine) -> Iterator[Connection]:
     """Open a transaction that sees one consistent state and writes nothing."""
-    with engine.connect() as connection:
+    with noted(engine), engine.connect() as connection:
         if connection.dialect.name == "postgresql":
             connection = connection.execution_options(isolation_level="REPEATABLE READ")
         with connection.begin():
@@ -101,7 +102,7 @@ def writing(engine: Engine) -> Iterator[Connection]:
     """
     sqlite_only, command = engine.dialect.name == "sqlite", "BEGIN IMMEDIATE"
     lock = engine.get_execution_options()["writer"] if sqlite_only else nullcontext()
-    with lock, engine.connect() as connection:
+    with lock, noted(engine), engine.connect() as connection:
         connection = connection.execution_options(immediate=True)
         with connection.begin():
             # It takes the write lock now and need never start again.
@@ -110,6 +111,12 @@ def writing(engine: Engine) -> Iterator[Connection]:
             except sqlite3.Error as error:
                 raise failure(error, connection.dialect, command, ()) from error
             yield connection
+
+
+def noted(engine: Engine) -> AbstractContextManager[None]:
+    """Return a context whose end is told to whom the engine was made to tell, if to anybody."""
+    presence: Presence | None = engine.get_execution_options()["presence"]
+    return nullcontext() if presence is None else presence.noting()
 
 
 @contextmanager
@@ -130,47 +137,6 @@ def alone_at(engine: Engine, what: str) -> Iterator[bool]:
         finally:
             if mine:
                 connection.execute(sa.text("SELECT pg_advisory_unlock(:key)"), key)
-
-
-def is_away(error: DBAPIError) -> bool:
-    """Say whether a request failed because the database is away, full or overrun.
-
-    SQLite is a file: what counts is that its disk is full or fails, or that another process has it.
-    """
-    if isinstance(error.orig, sqlite3.Error):
-        # The low byte is the kind, the others say more (sqlite.org/rescode.html).
-        return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in _PASSING
-    return isinstance(error, OperationalError | InterfaceError)
-
-
-def why_away(error: Exception) -> str | None:
-    """Return in a sentence why the database is away, or the connection lost; None: it is not.
-
-    A connection that its server cuts for its own reasons fails in ways of its own.
-    """
-    if isinstance(error, DBAPIError) and (error.connection_invalidated or is_away(error)):
-        return str(error.orig).partition("\n")[0]
-    return None
-
-
-def require_answer(engine: Engine) -> None:
-    """Raise DatabaseAwayError if no server is there, or it takes nobody yet or any more.
-
-    The driver's errors tell that from a wrong password in words only, of the server's language. One
-    that answers may still refuse, which goes on until somebody changes something.
-    """
-    if engine.dialect.name == "sqlite":
-        return
-    from psycopg import pq
-    from psycopg.conninfo import make_conninfo
-
-    _, named = engine.dialect.create_connect_args(engine.url)
-    named.pop("context", None)
-    answer = pq.PGconn.ping(make_conninfo(**named).encode())
-    if answer == pq.Ping.NO_RESPONSE:
-        raise DatabaseAwayError("its server does not answer")
-    if answer == pq.Ping.REJECT:
-        raise DatabaseAwayError("its server starts up or shuts down")
 
 
 def server_time(engine: Engine) -> float:

@@ -25,6 +25,7 @@ from sqlalchemy.engine import Connection, Dialect, Engine
 
 from server.records import Comparison, Instance, Lease, Place, Result, Study, record
 from server.store import models
+from server.store.database.engine import noted
 from server.store.database.prepared import Statement, failure
 from server.store.fleet import comparisons, leases, results
 from server.store.fleet import turn_statements as sql
@@ -91,23 +92,26 @@ class TurnConnection:
         self._turns += 1
         if self._turns % AFRESH == 0:
             self._first_pending.clear()
-        try:
-            if self._pipeline is None:
-                self._pipeline = await in_thread(self._open)
-            turn = Turn(
-                self._pipeline.trip,
-                self._engine.dialect,
-                self._first_pending,
-                begin=[("BEGIN", ())],
-                end=[("COMMIT", ())],
-            )
-            yield turn
-            if not turn.committed:
-                await turn.trip([("ROLLBACK", ())])
-        except BaseException:
-            # Whatever state it is in, nobody wants to know.
-            self.close()
-            raise
+        with noted(self._engine):
+            try:
+                if self._pipeline is None:
+                    self._pipeline = await in_thread(self._open)
+                turn = Turn(
+                    self._pipeline.trip,
+                    self._engine.dialect,
+                    self._first_pending,
+                    begin=[("BEGIN", ())],
+                    end=[("COMMIT", ())],
+                )
+                yield turn
+                if not turn.committed:
+                    await turn.trip([("ROLLBACK", ())])
+            except BaseException as error:
+                # Whatever state it is in, nobody wants to know.
+                self.close()
+                if isinstance(error, self._engine.dialect.loaded_dbapi.Error):
+                    raise failure(error, self._engine.dialect, "of a turn", ()) from error
+                raise
 
     def close(self) -> None:
         """Close the connection; the next turn opens another."""

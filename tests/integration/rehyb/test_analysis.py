@@ -1,14 +1,8 @@
 """`rehyb analysis` outlives its database's server, and ends where waiting would not help."""
 
-import os
-import queue
-import signal
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 
 import pytest
 from sqlalchemy.engine import Engine
@@ -19,9 +13,7 @@ from server.store import create_engine, upgrade
 from tests.testbed.coordinators import exchanges
 from tests.testbed.coordinators.postgresql import Server, serving
 from tests.testbed.coordinators.records import plan
-
-#: Until something that is certain to happen must have happened; the longest pause is 8 s.
-PATIENCE_SECONDS = 60.0
+from tests.testbed.coordinators.service import PATIENCE_SECONDS, running
 
 
 @pytest.fixture(scope="module")
@@ -31,64 +23,13 @@ def server() -> Iterator[Server]:
         yield server
 
 
-class Analysis:
-    """A process of `rehyb analysis`, and the lines that it says on standard error."""
-
-    def __init__(self, url: str) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "rehyb", "analysis"],
-            env=os.environ | {"REHYB_DATABASE_URL": url},
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        self._lines = queue.Queue[str]()
-        self._reader = threading.Thread(target=self._read)
-        self._reader.start()
-
-    def _read(self) -> None:
-        assert self.process.stderr is not None
-        with self.process.stderr as lines:
-            for line in lines:
-                self._lines.put(line)
-
-    def said(self) -> str:
-        """Return its next line, which is waited for."""
-        return self._lines.get(timeout=PATIENCE_SECONDS)
-
-    def stop(self) -> int:
-        """Ask it to end as an operator does, and return its exit status."""
-        self.process.send_signal(signal.SIGTERM)
-        return self.ended()
-
-    def ended(self) -> int:
-        """Wait until it ends by itself, and return its exit status."""
-        status = self.process.wait(PATIENCE_SECONDS)
-        self._reader.join()
-        return status
-
-    def is_silent(self) -> bool:
-        """Say whether there is no further line yet."""
-        return self._lines.empty()
-
-
-@contextmanager
-def analysing(url: str) -> Iterator[Analysis]:
-    """Run an analysis for as long as the block lasts."""
-    analysis = Analysis(url)
-    try:
-        yield analysis
-    finally:
-        analysis.process.kill()
-        analysis.ended()
-
-
 def test_an_analysis_outlives_its_server_at_its_start_and_while_it_is_idle(server: Server) -> None:
     url = server.database("outlived")
     upgrade(url)
     engine = create_engine(url)
-    with ExitStack() as running:
+    with ExitStack() as stack:
         with server.away():
-            analysis = running.enter_context(analysing(url))
+            analysis = stack.enter_context(running("analysis", url))
             assert "is away, and waited for: its server does not answer" in analysis.said()
         assert "the database is back" in analysis.said()
         wait_for_indices(engine, worked_off(engine))
@@ -103,7 +44,7 @@ def test_an_analysis_outlives_its_server_at_its_start_and_while_it_is_idle(serve
 
 
 def test_an_analysis_that_is_stopped_while_it_waits_ends_without_an_error(server: Server) -> None:
-    with server.away(), analysing(server.url) as analysis:
+    with server.away(), running("analysis", server.url) as analysis:
         assert "waited for" in analysis.said()
         assert analysis.stop() == 0
         assert analysis.is_silent()
@@ -115,7 +56,7 @@ def test_what_waiting_does_not_mend_ends_an_analysis_at_its_start(server: Server
         (server.url.replace("/postgres", "/elsewhere"), 'database "elsewhere" does not exist'),
         (server.url.replace("rehyb@", "nobody@"), 'role "nobody" does not exist'),
     ):
-        with analysing(url) as analysis:
+        with running("analysis", url) as analysis:
             assert analysis.ended() == 1
             said = analysis.said()
             assert said.startswith("rehyb: ") and words in said

@@ -18,7 +18,8 @@ from server.operations.study import studies
 from server.records import Plan
 from server.store import create_engine, upgrade
 from server.store.database import engine as database
-from server.store.database.engine import is_away, writing
+from server.store.database.engine import writing
+from server.store.database.presence import is_away
 from tests.testbed.coordinators import exchanges
 
 Drawing = Callable[..., Plan]

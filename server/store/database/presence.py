@@ -1,0 +1,127 @@
+"""Is the database there? Told apart from other failures, waited for, and said once."""
+
+import logging
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from sqlalchemy.engine import Engine
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError, SQLAlchemyError
+
+from analysis.sensitivity.service import patiently
+from server.errors import DatabaseAwayError
+
+log = logging.getLogger(__name__)
+
+#: Seconds a server may take to say that it is there.
+PING_SECONDS = 5
+
+#: Kinds of SQLite's errors that pass without another request: disk full or failing, file in use.
+_PASSING = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR})
+
+
+def is_away(error: DBAPIError) -> bool:
+    """Say whether a request failed because the database is away, full or overrun.
+
+    SQLite is a file: what counts is that its disk is full or fails, or that another process has it.
+    """
+    if isinstance(error.orig, sqlite3.Error):
+        # The low byte is the kind, the others say more (sqlite.org/rescode.html).
+        return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in _PASSING
+    return isinstance(error, OperationalError | InterfaceError)
+
+
+def why_away(error: Exception) -> str | None:
+    """Return in a sentence why the database is away, or the connection lost; None: it is not.
+
+    A connection that its server cuts for its own reasons fails in ways of its own.
+    """
+    if isinstance(error, DBAPIError) and (error.connection_invalidated or is_away(error)):
+        return str(error.orig).partition("\n")[0]
+    return None
+
+
+def require_answer(engine: Engine) -> None:
+    """Raise DatabaseAwayError if no server is there, or it takes nobody yet or any more.
+
+    The driver's errors tell that from a wrong password in words only, of the server's language. One
+    that answers may still refuse, which goes on until somebody changes something.
+    """
+    if engine.dialect.name == "sqlite":
+        return
+    from psycopg import pq
+    from psycopg.conninfo import make_conninfo
+
+    _, named = engine.dialect.create_connect_args(engine.url)
+    named.pop("context", None)
+    # Signals are heard between two of them.
+    asked = make_conninfo(**{"connect_timeout": PING_SECONDS, **named})
+    answer = pq.PGconn.ping(asked.encode())
+    if answer == pq.Ping.NO_RESPONSE:
+        raise DatabaseAwayError("its server does not answer")
+    if answer == pq.Ping.REJECT:
+        raise DatabaseAwayError("its server starts up or shuts down")
+
+
+def once_there(engine: Engine, act: Callable[[], object], *, stop: threading.Event) -> None:
+    """Do something as soon as a server is there, which may refuse us for good then.
+
+    That it is waited for is logged, and when it is there; nothing is done if `stop` is set before.
+
+    Raises:
+        SQLAlchemyError: the server is there and refuses.
+    """
+
+    def look() -> bool:
+        require_answer(engine)
+        try:
+            act()
+        except SQLAlchemyError:
+            # It may have gone meanwhile.
+            require_answer(engine)
+            raise
+        return True
+
+    def why_away(error: Exception) -> str | None:
+        return str(error) if isinstance(error, DatabaseAwayError) else None
+
+    patiently(look, stop=stop, why_away=why_away)
+
+
+class Presence:
+    """Says in the log, once each, when the database goes and when it is back.
+
+    What else fails meanwhile because of that need not say so again: `is_told`.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._away = False
+
+    @contextmanager
+    def noting(self) -> Iterator[None]:
+        """Take note of how the transaction in the block ends."""
+        try:
+            yield
+        except Exception as error:
+            if (why := why_away(error)) is not None:
+                self._turn(True, "the database is away or full, and who asks is told to wait", why)
+            raise
+        if self._away:
+            self._turn(False, "the database is back")
+
+    def _turn(self, away: bool, *said: str) -> None:
+        with self._lock:
+            before, self._away = self._away, away
+        if before != away:
+            log.warning("%s", ": ".join(said))
+
+
+def is_told(error: BaseException | None) -> bool:
+    """Say whether an error is nothing but that the database is away, which `Presence` tells."""
+    while error is not None:
+        if isinstance(error, Exception) and why_away(error) is not None:
+            return True
+        error = error.__cause__ or error.__context__
+    return False
