@@ -45,6 +45,11 @@ class Invalid(RehybError):
 class ServerError(RehybError):
     """The coordinator failed, or has had enough; the same request may succeed later."""
 
+    @property
+    def is_at_request(self) -> bool:
+        """Whether it failed at this very request: neither its database nor a proxy is away."""
+        return self.problem.get("status") == HTTPStatus.INTERNAL_SERVER_ERROR
+
 
 class FleetError(RehybError):
     """A local coordinator, analysis or worker does not stay up."""

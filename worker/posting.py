@@ -5,7 +5,6 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from http import HTTPStatus
 from typing import Any
 
 from rehyb.client import Client
@@ -67,7 +66,7 @@ class Posting:
                 self.spool.acknowledge(batch.keys)
             return
         except ServerError as error:
-            if error.problem.get("status") != HTTPStatus.INTERNAL_SERVER_ERROR:
+            if not error.is_at_request:
                 # It has had enough, or something before it has; what is posted has no part in it.
                 raise
             self._tries[batch.keys[0]] += 1

@@ -236,8 +236,8 @@ class CloseLoopJobs:
                 return
             except Unreachable:
                 failures += 1
-            except ServerError:
-                failures, refusals = failures + 1, refusals + 1
+            except ServerError as error:
+                failures, refusals = failures + 1, refusals + error.is_at_request
                 if refusals >= TRIES:
                     raise
             # An event would wake up at once when draining begins, and ask without a pause.

@@ -34,6 +34,7 @@ class Coordinator:
         self.archive = ARCHIVE
         self.away = 0
         self.sick = 0
+        self.without_database = 0
         self.refuse: set[str] = set()
         self.too_large = False
         #: How often a lease is renewed before a report has arrived; and whether none ever does.
@@ -70,7 +71,10 @@ class Coordinator:
             return httpx2.Response(413, json={"detail": "a session may have 5 bytes at most"})
         if verb == "report" and self.sick:
             self.sick -= 1
-            return httpx2.Response(500, json={"detail": "its log says why"})
+            return httpx2.Response(500, json={"status": 500, "detail": "its log says why"})
+        if verb == "report" and self.without_database:
+            self.without_database -= 1
+            return httpx2.Response(503, json={"status": 503, "detail": "the database is away"})
         content = request.read()
         said = dict(request.url.params) if verb == "report" else json.loads(content)
         self.said.append((verb, {**said, "files": content} if verb == "report" else said))
@@ -190,6 +194,15 @@ def test_a_coordinator_that_is_away_gets_the_report_when_it_is_back(
     coordinator.away = 20
     jobs.start()
     until(lambda: coordinator.words("report"))
+
+
+def test_a_report_waits_for_a_database_that_is_away_for_however_long(
+    jobs: CloseLoopJobs, coordinator: Coordinator
+) -> None:
+    coordinator.without_database = 2 * close_loop_jobs.TRIES
+    jobs.start()
+    until(lambda: coordinator.words("report"))
+    assert not coordinator.words("failure")
 
 
 def test_a_coordinator_that_keeps_failing_is_left_alone(
