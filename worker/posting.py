@@ -81,9 +81,8 @@ class Posting:
         self.spool.acknowledge(batch.keys)
         for one in answer["verdicts"]:
             if one["verdict"] not in TAKEN:
-                log.warning(
-                    "instance %s: %s: %s", one["instance"], one["verdict"], one.get("detail")
-                )
+                said = one["instance"], one["verdict"], one.get("detail")
+                log.warning("the result of instance %s is not taken: %s: %s", *said)
         self.leases.extend(batch.lease, now)
         if request is not None:
             self.leases.take(answer.get("next"), answer.get("misfit"), now)

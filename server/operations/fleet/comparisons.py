@@ -47,12 +47,16 @@ def judge(
     """
     given = {instance_id(study.id, one.row, one.position): one for one in asked}
     open_ones = {name for name, one in given.items() if one.state == ComparisonState.LEASED}
+    known = {instance_id(study.id, *place) for place in lease.instances}
     judgements: list[Judgement] = []
     changed: list[Comparison] = []
     for report in reports:
         # Each counts once, also within one request.
         one = given.pop(report.instance, None)
-        if one is None:
+        if one is None and report.instance in known:
+            # Another host was quicker, or the result is gone: no work is lost.
+            verdict, detail = Verdict.DUPLICATE, "a second opinion that is no longer asked for"
+        elif one is None:
             verdict, detail = Verdict.UNKNOWN, "the lease does not hold this instance"
         elif report.instance not in open_ones:
             verdict, detail = Verdict.DUPLICATE, ""

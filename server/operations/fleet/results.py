@@ -48,7 +48,8 @@ async def take(served: ServedStudy, exchange: Exchange, posted: Post) -> Judged 
     reports, study = posted.reports, served.study
     lease = served.seen.leases.get(posted.lease)
     if lease is None:
-        return _to_all(reports, Verdict.UNKNOWN, "there is no such lease")
+        why = "there is no such lease: its study was deleted, or this is another database"
+        return _to_all(reports, Verdict.UNKNOWN, why)
     objection = objection_to_results(lease, fence=posted.fence, worker=posted.worker)
     if objection is not None:
         return _to_all(reports, Verdict.INVALID, objection)

@@ -145,7 +145,10 @@ def test_every_verdict_is_final_and_only_those_that_refuse_are_told(
     desk.coordinator.verdicts = {"b": "duplicate", "c": "conflict", "d": "unknown"}
     desk.post()
     assert len(desk.spool) == 0
-    assert caplog.messages == ["instance c: conflict: why", "instance d: unknown: why"]
+    assert caplog.messages == [
+        "the result of instance c is not taken: conflict: why",
+        "the result of instance d is not taken: unknown: why",
+    ]
 
 
 def test_a_coordinator_that_leases_nothing_with_results_is_posted_to_without_asking(

@@ -186,6 +186,37 @@ def test_a_second_opinion_that_does_not_come_is_asked_for_three_times(
     assert check.faults(engine) == []
 
 
+def test_a_second_opinion_that_comes_too_late_is_told_from_lost_work(
+    engine: Engine, plan: Drawing, report: Reporting
+) -> None:
+    create(engine, plan(rows=1))
+    post(engine, lease(engine, "a"), report)
+    late = lease(engine, "b")
+    assert late is not None and len(asked_of(late)) == 4
+    leases.reap(engine, now=TTL, ttl=TTL)
+    assert set(post(engine, lease(engine, "c", now=TTL), report, now=TTL)) == {"accepted"}
+    name = instance_id(late.lease.study, *late.lease.instances[0])
+    told = exchanges.post(
+        engine,
+        [report(name), report(name), report("another:0:0")],
+        lease_id=late.lease.id,
+        fence=late.lease.fence,
+        worker=late.lease.worker,
+        now=TTL,
+        ttl=TTL,
+        share=1.0,
+        tolerance=1e-3,
+    )
+    too_late = ("duplicate", "a second opinion that is no longer asked for")
+    assert [(one.verdict, one.detail) for one in told] == [
+        too_late,
+        too_late,
+        ("unknown", "the lease does not hold this instance"),
+    ]
+    assert comparisons.reputations(engine)["c"].agreed == 4
+    assert check.faults(engine) == []
+
+
 def test_what_a_paused_study_or_another_version_has_waits(
     engine: Engine, plan: Drawing, report: Reporting
 ) -> None:
@@ -225,7 +256,7 @@ def test_results_taken_back_are_compared_when_they_are_there_again(
     held = lease(engine, "b", n=2)
     assert len(asked_of(held)) == 2
     reruns.rerun(engine, study, which="failed", outcomes=None, now=0.0)
-    assert set(post(engine, held, report)) == {"unknown"}
+    assert set(post(engine, held, report)) == {"duplicate"}
     assert set(post(engine, lease(engine, "a"), report)) == {"accepted"}
     assert len(asked_of(lease(engine, "b"))) == 4
     assert check.faults(engine) == []
