@@ -9,7 +9,7 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from functools import partial
 from math import inf
@@ -220,6 +220,7 @@ def work(
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, stop)
         logging.info("worker %s: %d processes for %s", worker["id"], count, client.url)
+        logging.info("%s", abilities(places.descriptions, agent.close_loop_jobs, leave_at < inf))
         try:
             agent.run()
         finally:
@@ -270,6 +271,22 @@ def _close_loop_jobs(
         bank=usable_bank(bank),
         rng=Random(),
     )
+
+
+def abilities(named: Iterable[str], jobs: CloseLoopJobs | None, leaves: bool) -> str:
+    """Return in a sentence what a worker can do.
+
+    Args:
+        named: versions of the models that its owner named.
+        jobs: None: it closes no loops.
+        leaves: it does not stay for long.
+    """
+    models = ", ".join(["rehyb's own", "uploaded ones", *named])
+    if jobs is None:
+        why = "with --lifetime" if leaves else "without pip install 'rehyb[figures]'"
+        return f"evaluates models: {models}; closes no loops {why}"
+    bank = f"interprets by bank {jobs.bank[0]}" if jobs.bank else "interprets nothing: no bank"
+    return f"evaluates models: {models}; closes loops; {bank}"
 
 
 @app.command()

@@ -1,12 +1,12 @@
 """Which models this worker asks work for."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from models.description import Description, Kind
 from models.running.places import NoModelError, Places
-from rehyb.client import Client
+from rehyb.client import Client, Json
 from rehyb.client.models import description_of
 from rehyb.errors import Invalid, RehybError, ServerError, Unreachable
 from sim.models import MODELS
@@ -16,6 +16,12 @@ log = logging.getLogger(__name__)
 
 #: Seconds between two looks at which uploaded models are wanted.
 LOOK_SECONDS = 2.0
+#: How a worker's owner names code, by the kind of model.
+_OPTION = {
+    Kind.COMMAND: "--models DIR",
+    Kind.PYTHON: "--allow NAME",
+    Kind.UMBRIDGE: "--models DIR --umbridge URL",
+}
 #: Models that a worker tells of at most: a coordinator takes no more of one.
 MOST_MODELS = 100
 
@@ -33,6 +39,8 @@ class WorkerModels:
     places: Places
     canaries: Canaries
     _announced: bool = False
+    #: Versions of which was said that this worker takes nothing.
+    _told: set[str] = field(default_factory=set)
     _wanted: dict[str, Description] = field(default_factory=dict)
     _look_at: float = 0.0
 
@@ -63,11 +71,13 @@ class WorkerModels:
             self._announced = True
         if now >= self._look_at:
             self._look_at = now + LOOK_SECONDS
+            wanted = self.client.models(wanted=True)
             self._wanted = {
-                f"{model['name']}@{model['digest']}": description_of(model)
-                for model in self.client.models(wanted=True)[: self._room]
+                _version(model): description_of(model)
+                for model in wanted[: self._room]
                 if model["kind"] == Kind.MJCF
             }
+            self._tell_of_code(wanted)
         offered = dict.fromkeys(MODELS, "")
         for version, description in (self._named | self._wanted).items():
             if version in self.canaries.refused:
@@ -83,3 +93,20 @@ class WorkerModels:
             if canary is not None:
                 offered[version] = canary
         return offered
+
+    def _tell_of_code(self, wanted: Sequence[Json]) -> None:
+        """Say once of each model of open studies whose code is not here that it is not."""
+        names = {one.name for one in self._named.values()}
+        for model in wanted:
+            version = _version(model)
+            if model["kind"] == Kind.MJCF or version in self._named or version in self._told:
+                continue
+            self._told.add(version)
+            why = f"its code is not here; whoever has it names it with {_OPTION[model['kind']]}"
+            if model["name"] in names:
+                why = "what was named here is another version of it"
+            log.info("takes nothing of studies of %s: %s", version, why)
+
+
+def _version(model: Json) -> str:
+    return f"{model['name']}@{model['digest']}"

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from models.folder import read_folder
 from tests.testbed.fleet.bad_network import BadNetwork
 from tests.testbed.fleet.lab import Lab, until
 from tests.testbed.models import EXAMPLES
@@ -174,6 +175,20 @@ def test_a_worker_waits_for_a_coordinator_that_is_not_there_yet_and_outlasts_its
     assert lab.client.progress(study)["ok"] == 2000
     worker.terminate()
     assert worker.wait(20) == 0
+
+
+def test_a_worker_that_has_no_model_that_is_wanted_says_what_it_has_and_what_is_missing(
+    lab: Lab,
+) -> None:
+    described = read_folder(EXAMPLES / "ishigami_awk").description
+    lab.client.announce_model(described.as_json())
+    study = lab.client.submit({**STUDY, "model": "ishigami_awk", "rows": 4})["id"]
+    lab.start_worker("--max-idle", "1")
+    log = lab.folder / "worker-1.log"
+    missing = f"takes nothing of studies of {described.version}: its code is not here; whoever has"
+    until(lambda: f"{missing} it names it with --models DIR" in log.read_text())
+    assert " evaluates models: rehyb's own, uploaded ones; closes loops; " in log.read_text()
+    assert lab.client.progress(study)["waits_for"] == described.version
 
 
 def test_posts_that_take_longer_than_a_lease_lose_no_instance(tmp_path: Path) -> None:

@@ -2,11 +2,12 @@
 
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from worker.cli import _default_spool, _once_in_a_while, main
+from worker.cli import _default_spool, _once_in_a_while, abilities, main
 
 
 def run(
@@ -97,3 +98,15 @@ def test_signals_in_quick_succession_are_one() -> None:
     handler()
     handler()
     assert len(stops) == 1
+
+
+def test_a_worker_says_in_one_sentence_what_it_can_do() -> None:
+    jobs: Any = SimpleNamespace(bank=None)
+    assert abilities(["awk@1", "noisy@2"], None, False) == (
+        "evaluates models: rehyb's own, uploaded ones, awk@1, noisy@2; closes no loops without "
+        "pip install 'rehyb[figures]'"
+    )
+    assert abilities([], None, True).endswith("uploaded ones; closes no loops with --lifetime")
+    assert abilities([], jobs, False).endswith("; closes loops; interprets nothing: no bank")
+    jobs.bank = ("f779", Path("bank.npz"))
+    assert abilities([], jobs, False).endswith("; closes loops; interprets by bank f779")

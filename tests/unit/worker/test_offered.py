@@ -85,3 +85,27 @@ def test_a_coordinator_is_told_of_models_whose_code_is_here_before_work_and_unti
     for now in (1.0, 2.0):
         assert NAMED[0].version in offering_one.offered(now)
     assert there.announced == [f"{NAMED[0].name} of w"]
+
+
+def test_a_worker_says_once_of_which_open_studies_it_takes_nothing_and_why(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", logger="worker.models.offered")
+    digests = iter("abcdefgh")
+    wanted = [
+        replace(NAMED[0], kind=Kind.COMMAND).as_json() | {"digest": NAMED[0].digest},
+        *(
+            replace(NAMED[number], kind=kind).as_json() | {"digest": next(digests)}
+            for number, kind in ((0, Kind.COMMAND), (1, Kind.PYTHON), (2, Kind.UMBRIDGE))
+        ),
+    ]
+    monkeypatch.setattr(Open, "models", lambda self, wanted_ones=True, **_: wanted)
+    worker = offering(1)
+    for now in (0.0, 10.0):
+        worker.offered(now)
+    not_here = "its code is not here; whoever has it names it with"
+    assert caplog.messages == [
+        "takes nothing of studies of m0@a: what was named here is another version of it",
+        f"takes nothing of studies of m1@b: {not_here} --allow NAME",
+        f"takes nothing of studies of m2@c: {not_here} --models DIR --umbridge URL",
+    ]
