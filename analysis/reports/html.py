@@ -52,12 +52,25 @@ def data_uri(figure: Figure, kind: Literal["svg", "png"], dpi: float | None = No
     """Return a figure as an image in the page; the same figure gives the same bytes."""
     import matplotlib as mpl
 
+    if dpi is not None:
+        figure.set_dpi(dpi)
+    settle(figure)
     buffer = io.BytesIO()
     undated = {"Date": None, "Creator": "rehyb"} if kind == "svg" else None
     with mpl.rc_context({"svg.hashsalt": "rehyb"}):
         figure.savefig(buffer, format=kind, dpi=dpi or "figure", metadata=undated)
     media = "image/svg+xml" if kind == "svg" else "image/png"
     return f"data:{media};base64,{base64.b64encode(buffer.getvalue()).decode()}"
+
+
+def settle(figure: Figure) -> None:
+    """Give a figure's panels their places, for every file that is written of it.
+
+    matplotlib would find them again for each file, and draw everything once more to do so.
+    """
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def cell(value: object) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.designs import METHODS, WITH_INDICES
 from analysis.reports import figures, hover
-from analysis.reports.html import data_uri
+from analysis.reports.html import data_uri, settle
 from analysis.reports.paper import PIXELS_PER_INCH, on_paper
 from analysis.reports.wording import words
 from analysis.sensitivity.estimators import Estimator
@@ -214,10 +214,7 @@ def pictures(subject: Subject) -> list[Picture]:
 
 def _picture(figure: figures.Figure, name: str, title: str, caption: str) -> Picture:
     drawn = on_paper(figure)
-    # Places of panels are settled when a figure is drawn, and not before.
-    drawn.draw_without_rendering()
-    # To settle them again for each file that is written takes longer than to draw it.
-    drawn.set_layout_engine(None)
+    settle(drawn)
     return Picture(
         name=name, title=title, caption=caption, figure=drawn, panels=hover.panels(figure, drawn)
     )
