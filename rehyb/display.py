@@ -6,12 +6,12 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from analysis.reports.wording import left_by_analysis
+
 #: Indices that tables leave out: others say more, or bound the same from closer by.
 LEFT_OUT = ("mu", "full_total_order", "independent_first_order")
 #: What ranks the factors, most influential first.
 RANKED_BY = ("mu_star", "total_order", "shapley")
-#: What to do where nothing is heard of an analysis.
-START_ONE = "if none runs, start `rehyb analysis` (or `rehyb up`)"
 
 
 def plain_table(*columns: str, title: str | None = None, caption: str | None = None) -> Table:
@@ -47,10 +47,7 @@ def failures_in_words(failures: Mapping[str, int]) -> str:
 def left_in_words(progress: Mapping[str, Any]) -> str:
     """Return in a sentence that results wait for an analysis; empty if none do."""
     # An older coordinator does not say.
-    if not (left := progress.get("left_by_analysis")):
-        return ""
-    wait = "result waits" if left == 1 else "results wait"
-    return f"{left} {wait} for an analysis: {START_ONE}"
+    return left_by_analysis(progress.get("left_by_analysis", 0))
 
 
 def progress_in_words(progress: Mapping[str, Any]) -> str:

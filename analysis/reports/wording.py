@@ -6,6 +6,8 @@ to the expression of uncertainty in measurement, section 7.2.6).
 
 from math import floor, log10
 
+#: What to do where nothing is heard of an analysis.
+START_ONE = "if none runs, start `rehyb analysis` (or `rehyb up`)"
 #: Characters that show as nothing, or turn what stands behind them around: controls but tab and
 #: line ends, marks and overrides of direction (Unicode Technical Report 36, section 2.6), spaces
 #: of no width, separators. Joiners stay: scripts and pictures are written with them.
@@ -20,6 +22,12 @@ _SHOWN = {code: f"\\u{code:04x}" for code in _UNSEEN}
 def visible(text: str) -> str:
     """Return a text in which what would not be seen is written out, such as \\u202e."""
     return text.translate(_SHOWN)
+
+
+def left_by_analysis(count: int) -> str:
+    """Return in a sentence that results wait for an analysis; empty if none do."""
+    wait = "result waits" if count == 1 else "results wait"
+    return f"{count} {wait} for an analysis: {START_ONE}" if count else ""
 
 
 def words(name: str) -> str:

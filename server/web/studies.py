@@ -6,6 +6,7 @@ from typing import Any
 
 from sqlalchemy.engine import Engine
 
+from analysis.reports.wording import left_by_analysis
 from analysis.sensitivity.judgement.stopping import Advice, advise
 from analysis.sensitivity.records import said_of
 from models.curves import names_of
@@ -64,11 +65,16 @@ def look(asked: Look) -> dict[str, Any]:
 PAGE = Page(path="/", template="studies.html", look=look, choices=("state", "find", "sort"))
 
 
-def detail(asked: Look, study: Study, goal: PrecisionGoal | None) -> dict[str, Any]:
-    """Return what costs a query of its own: a study's speed, end and precision."""
+def detail(
+    asked: Look, study: Study, goal: PrecisionGoal | None, *, whole: bool = False
+) -> dict[str, Any]:
+    """Return what costs a query of its own: a study's speed, end and precision.
+
+    `whole`: also of one that is not served what waits for its analysis.
+    """
     engine, now = asked.engine, asked.now
     standing = None
-    if study.state.is_served:
+    if whole or study.state.is_served:
         standing = studies.standing(engine, study.id, now=now, patience=asked.state.patience)
     speed: Pace | None = None
     if standing is not None:
@@ -81,6 +87,7 @@ def detail(asked: Look, study: Study, goal: PrecisionGoal | None) -> dict[str, A
         "workers": 0 if standing is None else standing.workers,
         "waits_for": None if standing is None else standing.waits_for,
         "why_it_waits": None if standing is None else standing.why_it_waits,
+        "left": "" if standing is None else left_by_analysis(standing.left_by_analysis),
         "goal": goal,
         "precision": precision(engine, study, goal),
     }

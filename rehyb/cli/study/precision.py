@@ -46,7 +46,8 @@ def wait_for_precision(
     If nothing is decided within `ANALYSIS_SECONDS` of `clock` though all results are in, it is said
     who would decide.
     """
-    from rehyb.display import START_ONE, progress_in_words
+    from analysis.reports.wording import START_ONE
+    from rehyb.display import progress_in_words
 
     last, rows, since = "", 0, clock()
 

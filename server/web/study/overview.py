@@ -55,7 +55,7 @@ def look(asked: Look) -> dict[str, Any]:
     alarm = warning(snapshot)
     return {
         "study": study,
-        "detail": detail(asked, study, goal),
+        "detail": detail(asked, study, goal, whole=True),
         "output": output,
         "names": names_of(study),
         "name": name,

@@ -203,15 +203,24 @@ def test_progress_says_how_many_results_no_analysis_has_taken_in_for_a_while(
     def left() -> Any:
         return client.get(path).json()["left_by_analysis"]
 
+    def page() -> str:
+        return client.get(f"/studies/{study['id']}", headers={"Accept": "text/html"}).text
+
     client.post("/v1/results", json=posting(lease, [result(i) for i in lease["instances"]]))
     seen = client.get(path).headers["ETag"]
     clock.advance(UNSEEN_SECONDS)
     assert left() == 0
+    said = f"{len(lease['instances'])} results wait for an analysis: if none runs, start"
+    assert said not in page()
     clock.advance(1.0)
     assert left() == len(lease["instances"])
+    # Of a study that is over as well, whose indices are looked at.
+    client.post(f"/v1/studies/{study['id']}/cancel")
+    assert said in page()
     assert client.get(path, headers={"If-None-Match": seen}).status_code == 200
     catch_up(StoreResultLog(engine), study["id"])
     assert left() == 0
+    assert said not in page()
 
 
 def test_progress_adds_up(client: TestClient, study: Json, lease: Json, clock: Any) -> None:
