@@ -75,7 +75,7 @@ class Agent:
             WrongProtocol: what answered first is no coordinator.
         """
         if adopted := self.spool.adopt():
-            log.info("found %d results of an earlier worker that nobody has acknowledged", adopted)
+            log.info("posts %d results that an earlier worker here left on disk", adopted)
         busy_at = time.monotonic()
         # Who waits for an answer sees no clock.
         self.leases.client.answer_by = self.leases.last_words_at
@@ -105,6 +105,8 @@ class Agent:
                     self._drain(now)
                 if self._draining_since is not None and self._drained(now):
                     break
+            else:
+                log.info("told to stop again: what still runs is given back")
         finally:
             self._leave()
 
@@ -222,7 +224,7 @@ class Agent:
         return ""
 
     def _drain(self, now: float) -> None:
-        log.info("draining: %d instances still run", self.pool.running)
+        log.info("takes no more work, and leaves when what runs is done (%d)", self._running)
         self._draining_since = now
         if self.close_loop_jobs is not None:
             self.close_loop_jobs.drain()
@@ -249,9 +251,9 @@ class Agent:
                 self._posting.post(batch)
             self.leases.release()
         except RehybError as error:
-            log.warning("left without a farewell: %s", error)
+            log.warning("could not say that it leaves, so that its leases expire: %s", error)
         if left := len(self.spool):
             log.warning("%d results stay on disk for the next worker to post", left)
         self.renewals.close()
         self.spool.close()
-        log.info("finished %d instances", self.finished)
+        log.info("left, after %d instances", self.finished)

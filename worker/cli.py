@@ -164,7 +164,9 @@ def work(
         return
     leave_at = inf if lifetime is None else time.monotonic() + _lifetime(lifetime)
     logging.basicConfig(
-        level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", datefmt="%H:%M:%S"
+        level=logging.INFO,
+        format="%(asctime)s %(levelname)s %(message)s",
+        datefmt="%Y-%m-%d %H:%M:%S",
     )
     # A line per request would bury everything else.
     logging.getLogger("httpx2").setLevel(logging.WARNING)

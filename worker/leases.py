@@ -89,6 +89,8 @@ class Leases:
     _slowest: float = 0.0
     #: Why no work fits this machine, as it was last told.
     _ineligible: str = ""
+    #: What was said once and is not said again.
+    _told: set[str] = field(default_factory=set)
 
     def __len__(self) -> int:
         return len(self._held)
@@ -173,9 +175,13 @@ class Leases:
                 log.warning("%s", ineligible)
             self._ineligible = ineligible
         if granted is None:
+            if ineligible is None and not self._told:
+                self._tell("there is no work for now: asks again and again")
             self._ask_at = now + without_work(self.client.retry_after, self.rng)
             return
         instances = granted["instances"]
+        study = str(instances[0]["id"]).partition(":")[0]
+        self._tell(f"works on study {study}")
         self._granted = len(instances)
         if self.left is not None:
             self.left -= len(instances)
@@ -188,6 +194,12 @@ class Leases:
         )
         self._held.append(lease)
         self.queue.extend(Ticket(lease=lease, instance=instance) for instance in instances)
+
+    def _tell(self, sentence: str) -> None:
+        """Say something unless it was said before."""
+        if sentence not in self._told:
+            self._told.add(sentence)
+            log.info("%s", sentence)
 
     def finish(self, ticket: Ticket, seconds: float) -> None:
         """Note that an instance has a result, and how long it took."""
@@ -220,7 +232,11 @@ class Leases:
         for lease in [one for one in self._held if one.lost]:
             # One that has all its results may have ended by the very post that is under way.
             if lease.open:
-                log.warning("lease %s expired: its instances go to other workers", lease.id)
+                log.warning(
+                    "lease %s expired: what is not begun goes to other workers, and what runs is "
+                    "posted all the same",
+                    lease.id,
+                )
             self._held.remove(lease)
             # What runs goes on: a result that arrives late is still taken if nobody was faster.
             self.queue = deque(ticket for ticket in self.queue if ticket.lease is not lease)

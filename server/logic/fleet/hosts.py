@@ -50,7 +50,7 @@ def _class_of(known: tuple[tuple[str, str], ...]) -> str:
 def objection_to_worker(study: Study, worker: Introduction) -> str | None:
     """Say in a sentence why a worker may not have instances of a study; None if it may."""
     if missing := [tag for tag in study.tags if tag not in worker.tags]:
-        return f"study {study.id} is for workers tagged {', '.join(missing)}"
+        return f"study {study.id} is for workers tagged {', '.join(missing)} (rehyb-worker --tags)"
     theirs = identity(worker.versions)
     if study.identity is None or study.identity == theirs:
         return None

@@ -87,6 +87,28 @@ def test_what_a_worker_waits_for_at_its_start_and_later_is_told_once_and_with_wh
     assert set(work.coordinator.results) == {"a"}
 
 
+def test_the_log_of_a_worker_tells_its_life_from_the_first_answer_to_the_last_instance(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", logger="worker")
+    work = Work(tmp_path, [["s:0:0", "s:0:1"], ["s:1:0"], ["t:0:0"]], max_idle=0.2)
+    idle_first = iter([None])
+    grant = work.coordinator._grant
+
+    work.coordinator._grant = lambda body: (  # type: ignore[method-assign]
+        None if next(idle_first, False) is None else grant(body)
+    )
+    work.agent.run()
+    assert caplog.messages == [
+        "there is no work for now: asks again and again",
+        "works on study s",
+        "works on study t",
+        "no work for 0.2 s: leaving",
+        "takes no more work, and leaves when what runs is done (0)",
+        "left, after 4 instances",
+    ]
+
+
 def test_a_server_that_fails_at_the_first_request_is_waited_for_too(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -86,7 +86,10 @@ def test_of_a_lease_that_is_lost_nothing_more_is_begun_or_told(
     leases.release()
     assert (len(leases), len(leases.queue)) == (0, 0)
     assert coordinator.told == [("renew", "l", 7)]
-    assert caplog.messages == ["lease l expired: its instances go to other workers"]
+    assert caplog.messages == [
+        "lease l expired: what is not begun goes to other workers, and what runs is posted all the "
+        "same"
+    ]
 
 
 def test_a_lease_that_ended_with_its_last_result_is_dropped_without_alarm(

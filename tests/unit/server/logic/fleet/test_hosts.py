@@ -71,7 +71,7 @@ def test_a_study_with_tags_is_for_workers_that_have_them_all(plan: Callable[...,
     study = begun(plan, tags=("big", "quiet", "lab"))
     assert objection_to_worker(study, asks(VERSIONS, "big", "lab", "quiet", "other")) is None
     assert objection_to_worker(study, asks(VERSIONS, "quiet")) == (
-        "study s is for workers tagged big, lab"
+        "study s is for workers tagged big, lab (rehyb-worker --tags)"
     )
 
 
