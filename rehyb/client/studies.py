@@ -8,11 +8,13 @@ from urllib.parse import urlencode
 
 from rehyb.client.connection import Connection, Json
 from rehyb.client.states import StudyState
-from rehyb.errors import Conflict, Invalid
+from rehyb.errors import Conflict, Invalid, ServerError, Unreachable
 
 #: How long the analysis may be behind a complete study: many times what it is
 #: (docs/measurements/indices.md).
 ANALYSIS_SECONDS = 10.0
+#: How long who follows a study waits for a coordinator, or its database, that is restarted.
+AWAY_SECONDS = 600.0
 #: Between two looks at a study with a precision goal.
 POLL_SECONDS = 1.0
 
@@ -179,13 +181,15 @@ class Studies(Connection):
 
         One that has a precision goal is complete when it is extended no more. Its indices are of
         all results then, unless no analysis follows them within `ANALYSIS_SECONDS` of `clock`.
+        A coordinator that was there is waited for, `AWAY_SECONDS` at most.
         """
+        progress = self.progress(study_id)
         while True:
-            progress = self.progress(study_id)
             on_progress(progress)
             if _is_over(progress):
                 break
             sleep(poll_seconds)
+            progress = self._progress_again(study_id, clock, sleep)
         deadline = clock() + ANALYSIS_SECONDS
         while progress["state"] == StudyState.COMPLETE and clock() < deadline:
             if self.indices(study_id)["rows_complete"] >= progress["rows"]:
@@ -203,7 +207,8 @@ class Studies(Connection):
     ) -> Json:
         """Wait until a study with a precision goal is extended no more.
 
-        It only looks: interrupted, the study goes on, and the same call can follow it again.
+        It only looks: interrupted, the study goes on, and the same call can follow it again. A
+        coordinator that was there is waited for, as `wait` does.
 
         Args:
             on_progress: called about once a second.
@@ -217,8 +222,8 @@ class Studies(Connection):
             Invalid: it has no goal.
         """
         known = 0
+        progress = self.progress(study_id)
         while True:
-            progress = self.progress(study_id)
             on_progress(progress)
             goal = progress["precision"]
             if goal is None:
@@ -232,6 +237,20 @@ class Studies(Connection):
                 raise Conflict(f"study {study_id} was cancelled before it was precise enough")
             if goal["settled"]:
                 return {**goal, "rows": progress["rows"]}
+            sleep(POLL_SECONDS)
+            progress = self._progress_again(study_id, time.monotonic, sleep)
+
+    def _progress_again(
+        self, study_id: str, clock: Callable[[], float], sleep: Callable[[float], None]
+    ) -> Json:
+        """Return a study's progress from a coordinator that may be away for a while."""
+        until = clock() + AWAY_SECONDS
+        while True:
+            try:
+                return self.progress(study_id)
+            except (Unreachable, ServerError):
+                if clock() >= until:
+                    raise
             sleep(POLL_SECONDS)
 
 

@@ -1,14 +1,14 @@
 """Every call is one request: its method, path, query, body and what is made of the answer."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import httpx2
 import pytest
 
-from rehyb import Client, Conflict, Invalid
+from rehyb import Client, Conflict, Invalid, ServerError
 from tests.testbed.clock import Clock
 from tests.testbed.recorder import Recorder
 
@@ -253,6 +253,33 @@ def test_waiting_goes_on_until_nothing_further_comes(state: str) -> None:
     there = Recorder({"state": "cancelled", "rows": 8})
     assert there.client.wait("s", clock=clock, sleep=waits.append)["state"] == "cancelled"
     assert waits == []
+
+
+def test_who_follows_a_study_waits_for_a_coordinator_that_is_restarted_but_not_for_ever() -> None:
+    clock = Clock()
+    seen: list[Any] = []
+    there = Recorder({"state": "running", "precision": None}, {"state": "cancelled"})
+    away = {2: 503, 3: 503, 4: 500}
+
+    def client(failing: Mapping[int, int]) -> Client:
+        asked = iter(range(1, 10_000))
+
+        def answer(request: httpx2.Request) -> httpx2.Response:
+            if (number := next(asked)) in failing:
+                return httpx2.Response(failing[number], json={"detail": f"fails at {number}"})
+            return there(request)
+
+        return Client("http://c:1", "t", transport=httpx2.MockTransport(answer))
+
+    last = client(away).wait("s", on_progress=seen.append, clock=clock, sleep=clock.advance)
+    assert last == {"state": "cancelled"} and len(seen) == 2
+    assert clock() == Clock()() + 1.0 + len(away)
+    with pytest.raises(ServerError, match=r"fails at 1$"):
+        client({1: 503}).wait("s", clock=clock, sleep=clock.advance)
+    there = Recorder({"state": "running", "precision": None})
+    gone = dict.fromkeys(range(2, 10_000), 503)
+    with pytest.raises(ServerError, match=r"fails at 602$"):
+        client(gone).wait("s", clock=clock, sleep=clock.advance)
 
 
 def test_precision_is_followed_step_by_step_until_it_is_settled() -> None:
