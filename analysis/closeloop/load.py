@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from analysis.closeloop.session.mjcf import load_device
-from analysis.closeloop.session.plausibility import check_signs, checked_trial
+from analysis.closeloop.session.plausibility import check_copies, check_signs, checked_trial
 from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.stretches import record
@@ -26,6 +26,7 @@ def load_session(folder: Path) -> Recording:
     for listed in session.trials:
         trial = read_trial(folder, listed, device.recorded_joints, declared)
         trials.append(checked_trial(trial, device, session.limb_joints))
+    check_copies(trials)
     recording = record(replace(session, trials=tuple(trials)), device)
     check_signs(recording)
     check_units(recording)

@@ -1,6 +1,6 @@
 """Signals that cannot be what their column says: degrees, flipped signs, saturation, constants."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,6 +32,24 @@ STILL = "no position changes; if the joints were not held, look at the encoders"
 SLOW, WORKS = 0.1, 3.0
 #: Least time that a motor moves its joint before the sign of its effort is judged, s.
 LEAST_MOTION = 1.0
+
+
+def check_copies(trials: Sequence[Trial]) -> None:
+    """Refuse a recording that is listed twice: what predicts its copy predicts nothing.
+
+    Raises:
+        SessionError: two trials hold the same samples.
+    """
+    for number, trial in enumerate(trials):
+        for earlier in trials[:number]:
+            same = [
+                np.array_equal(trial.columns[name], values)
+                for name, values in earlier.columns.items()
+                if name in trial.columns and np.ptp(values) > 0.0
+            ]
+            if same and all(same):
+                why = f"holds the same samples as {earlier.file}; list each recording once"
+                raise SessionError(why, file=trial.file)
 
 
 def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> Trial:

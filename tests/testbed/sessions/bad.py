@@ -1,6 +1,7 @@
 """Every way in which a session can be bad, with words of the one error that it gets."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,12 @@ def copied(name: str, trial: str) -> Spoil:
     return spoil
 
 
+def recorded_once(path: Path) -> None:
+    """List a copy of the only recording as its holdout."""
+    shutil.copy(path / "a.csv", path / "b.csv")
+    words(trials=[{"file": "a.csv"}, {"file": "b.csv", "role": "holdout"}])(path)
+
+
 BAD: dict[str, tuple[Spoil, str]] = {
     # session.json
     "no session.json": (lambda p: (p / "session.json").unlink(), "session.json: there is no such"),
@@ -95,6 +102,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "a trial as text": (words(trials=["a.csv"]), r"trials\[0\] must be an object"),
     "too many trials": (words(trials=[{"file": "a.csv"}] * 201), "at most 200"),
     "one file by two names": (copied("", "./a.csv"), "listed twice"),
+    "a copy of a recording as its holdout": (recorded_once, "same samples as a.csv"),
     "one file by a link": (copied("b.csv", "b.csv"), "listed twice"),
     "a role of nothing": (words(trials=[{"file": "a.csv", "role": []}]), "'fit' or 'holdout'"),
     "a label of half a letter": (
