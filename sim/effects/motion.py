@@ -99,8 +99,11 @@ class Recording(Protocol):
     def mass_torque(self, joint: int, position: np.ndarray) -> np.ndarray:
         """Return the torque of one more kilogram at `position` of the joint's body."""
 
-    def secant(self, joint: int, step: float) -> np.ndarray:
-        """Return the change of every static torque over `step` of one joint's position."""
+    def secant(self, joint: int, step: float, *, moving: bool = False) -> np.ndarray:
+        """Return the change of every torque over `step` of one joint's position.
+
+        Static, unless it is that of the motion.
+        """
 
     # Of signals (n, ...), piece by piece: the fit's low-pass and that of the positions,
     # signal(t + seconds), a first-order low-pass, the rate of change.

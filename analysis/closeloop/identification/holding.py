@@ -15,14 +15,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from analysis.closeloop.identification.balance.declared import PLACED
-from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
+from analysis.closeloop.identification.balance.luck import ALONE_Z, MIN_GAIN, more_than_luck
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, prediction
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.balance.uncertainty import leave_out, surely_there
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.steps import Grown
-from analysis.closeloop.identification.selection import MIN_GAIN
 from analysis.closeloop.identification.spectrum import below
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from sim.effects.laws.inertia import LEAST_LOAD

@@ -5,6 +5,7 @@ import numpy as np
 from analysis.closeloop.identification.balance.luck import (
     LARGE_GAIN,
     LEAST_BLOCKS,
+    MIN_TORQUE,
     comes_in_time,
     more_than_luck,
 )
@@ -20,17 +21,8 @@ from analysis.closeloop.identification.forms import only_form
 from analysis.closeloop.identification.presliding import free_turning, only_presliding
 from sim.effects.catalogue import BY_NAME
 
-#: Least share of the held-out loss that a gain takes, below which no number in a report changes.
-MIN_GAIN = 0.03
-#: A later effect has to take this share of what the first left: what a form that is a little wrong
-#: leaves behind is not another effect.
-MIN_LATER_GAIN = 0.2
 #: Candidates whose gain differs by less than this share of the best count as equal.
 EQUAL_SHARE = 0.005
-#: Least torque that an effect must explain, over the joint's effort (both root mean square): less
-#: than that is what smoothing, or a joint that is not quite held, does to the declared torque. What
-#: takes nearly all that is left only has to exceed what smoothing does in these trials.
-MIN_TORQUE = 0.008
 
 
 def choose(

@@ -15,7 +15,7 @@ from analysis.closeloop.identification.arms.explainable import explainable_by_jo
 from analysis.closeloop.identification.arms.holdouts import not_worse
 from analysis.closeloop.identification.arms.robot import completed, traced_robot, weighed
 from analysis.closeloop.identification.balance.declared import declared_model
-from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_Z
+from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.explainable import explainable
@@ -24,7 +24,6 @@ from analysis.closeloop.identification.growing.starts import regrown
 from analysis.closeloop.identification.growing.steps import Grown, grow
 from analysis.closeloop.identification.holding import determined, held_in_octaves
 from analysis.closeloop.identification.nameable import ONE_WAY, one_way
-from analysis.closeloop.identification.selection import MIN_GAIN, MIN_TORQUE
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 

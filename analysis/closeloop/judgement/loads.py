@@ -11,8 +11,8 @@ from functools import partial
 
 import numpy as np
 
+from analysis.closeloop.identification.arms.agreed import sure
 from analysis.closeloop.identification.arms.links import links_of
-from analysis.closeloop.identification.arms.shared import sure
 from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import with_load

@@ -120,13 +120,17 @@ class Recording:
         """Torque that holding still in the same place would take: gravity and declared springs."""
         return self._at_rest(self.position)
 
-    def secant(self, joint: int, step: float) -> np.ndarray:
-        """Change of every static torque over `step` of one joint's position, (n, joints)."""
-        key = ("secant", joint, step)
+    def secant(self, joint: int, step: float, *, moving: bool = False) -> np.ndarray:
+        """Change of every torque over `step` of one joint's position, still or not, (n, joints)."""
+        key = ("secant", joint, step, moving)
         if key not in self.cache:
-            moved = self.position.copy()
-            moved[:, joint] += step
-            self.cache[key] = (self._at_rest(moved) - self.static) / step
+            there = self.position.copy()
+            there[:, joint] += step
+            if moving:
+                change = self._inverse(there, self.velocity, self.acceleration) - self.rigid
+            else:
+                change = self._at_rest(there) - self.static
+            self.cache[key] = change / step
         return self.cache[key]
 
     @cached_property

@@ -138,7 +138,7 @@ class TorqueGain(Effect):
 
 
 class PositionOffset(Effect):
-    """A wrong zero of the encoder: gravity is computed in the wrong place."""
+    """A wrong zero of the encoder: gravity and inertia are computed in the wrong place."""
 
     name = "position_offset"
     complexity = 1
@@ -157,7 +157,7 @@ class PositionOffset(Effect):
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # Recorded position = true position + offset, so the torque is that of q - offset. The
         # secant over the offset itself is exact once both agree.
-        secant = joint.recording.secant(joint.number, -theta["offset"])
+        secant = joint.recording.secant(joint.number, -theta["offset"], moving=True)
         return {number: -secant[:, [number]] for number in joint.recording.joints}
 
     def limits(self, joint: RecordedJoint) -> Limits:

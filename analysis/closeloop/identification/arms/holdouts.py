@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.declared import PLACED
+from analysis.closeloop.identification.arms.agreed import SHARED
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Step
 from analysis.closeloop.identification.growing.steps import Grown
 from analysis.closeloop.session.signals import rms
-from sim.effects.catalogue import LINK_INERTIA
 
 #: By how much the error of a joint may grow: what no figure of a report shows.
 ROUNDING = 1e-3
@@ -65,7 +64,6 @@ def _errors(model: Model, rows: Rows, held: Rows) -> dict[int, float]:
 
 def _least(grown: Grown, worse: list[int]) -> Step | None:
     """Return the effect to give up: the least of a worse joint's own, or what joints share."""
-    shared = {LINK_INERTIA, PLACED.name}
-    own = [s for s in grown.steps if s.key[1] in worse and s.key[0] not in shared]
-    own = own or [s for s in grown.steps if worse and s.key[0] in shared]
+    own = [s for s in grown.steps if s.key[1] in worse and s.key[0] not in SHARED]
+    own = own or [s for s in grown.steps if worse and s.key[0] in SHARED]
     return min(own, key=lambda step: step.share(step.taken), default=None)

@@ -28,6 +28,7 @@ from analysis.closeloop.identification.balance.model import (
     kept_columns,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.session.link_torque import carriers
 from sim.effects.rigid import point_mass, point_mass_slopes
 
 #: How much more than one second's rows the declared links may count, firmest first.
@@ -197,6 +198,20 @@ class WholeFit:
         scored = self._scored(np.arange(self.table.shape[1] - 1), fit)
         load = solve(turn.T @ self.total @ turn, lower)[-4:]
         return replace(scored, link=number, place=place, load=load)
+
+    def loads(self) -> list[Fitted]:
+        """Fit every term and one load on each link in turn; those that could be a load.
+
+        It has a mass, and hangs where the arm could reach.
+        """
+        every, recording, found = range(len(self.model.terms)), self.model.recording, []
+        for number, body in enumerate(self.links.bodies):
+            fitted = self.with_load(every, number)
+            assert fitted.load is not None and fitted.place is not None
+            reach = recording.reach(carriers(recording.device.model, body)[0])
+            if fitted.load[0] > 0.0 and np.linalg.norm(fitted.place) <= reach:
+                found.append(fitted)
+        return found
 
     def _turn(self, index: np.ndarray, own: np.ndarray, place: np.ndarray) -> np.ndarray:
         """Return what makes of the table's columns those of some terms, a load and the target."""

@@ -1,4 +1,4 @@
-"""Whether a gain on rows that nothing was fitted to is more than luck."""
+"""Whether a gain on rows that nothing was fitted to is more than luck, and enough to matter."""
 
 import numpy as np
 from scipy.stats import norm
@@ -18,6 +18,16 @@ LEAST_BLOCKS = 6
 #: one of this share is real too if it exceeds fewer errors but comes back in several folds, or wins
 #: nearly every block, and those folds that lose by it lose next to nothing.
 LARGE_GAIN, LARGE_Z, LARGE_FOLDS, LARGE_LOST = 0.25, 2.5, 3, 0.05
+
+#: Least share of the held-out loss that a gain takes, below which no number in a report changes.
+MIN_GAIN = 0.03
+#: A later effect has to take this share of what the first left: what a form that is a little wrong
+#: leaves behind is not another effect.
+MIN_LATER_GAIN = 0.2
+#: Least torque that an effect must explain, over the joint's effort (both root mean square): less
+#: than that is what smoothing, or a joint that is not quite held, does to the declared torque. What
+#: takes nearly all that is left only has to exceed what smoothing does in these trials.
+MIN_TORQUE = 0.008
 
 
 def more_than_luck(

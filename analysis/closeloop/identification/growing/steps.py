@@ -7,6 +7,8 @@ from analysis.closeloop.identification.balance.declared import declared_again
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
     LARGE_GAIN,
+    MIN_GAIN,
+    MIN_LATER_GAIN,
     PAIR_Z,
     more_than_luck,
 )
@@ -29,8 +31,6 @@ from analysis.closeloop.identification.growing.shaken import shaken
 from analysis.closeloop.identification.nameable import beyond_physics
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
-    MIN_GAIN,
-    MIN_LATER_GAIN,
     carries_more,
     choose,
     matters,

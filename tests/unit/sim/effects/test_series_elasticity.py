@@ -31,7 +31,7 @@ def test_the_column_is_what_a_limb_on_a_spring_changes(
         slopes = np.broadcast_to(
             recording.secant(ELBOW, 1e-4).mean(axis=0), (len(recording.time), 2)
         )
-        recording = replace(recording, cache={("secant", ELBOW, 1e-4): slopes})
+        recording = replace(recording, cache={("secant", ELBOW, 1e-4, False): slopes})
     joint = unfitted(recording, ELBOW)
     time, stiffness, damping = recording.time, 0.8, 0.1
     load = np.cos(2 * np.pi * time) + 0.5 * np.sin(6 * np.pi * time)

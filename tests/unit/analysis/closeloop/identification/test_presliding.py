@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.balance.luck import MIN_GAIN
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -14,7 +15,6 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.presliding import only_presliding
-from analysis.closeloop.identification.selection import MIN_GAIN
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import PRESLIDING_SHARE

@@ -9,13 +9,14 @@ import pytest
 
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
+    MIN_TORQUE,
     comes_in_time,
     more_than_luck,
 )
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows, Score, select_rows
 from analysis.closeloop.identification.findings import Option
-from analysis.closeloop.identification.selection import MIN_TORQUE, _worth
+from analysis.closeloop.identification.selection import _worth
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.rich import ELBOW
 

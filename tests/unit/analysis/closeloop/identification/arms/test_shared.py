@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.arms.agreed import nested_z
 from analysis.closeloop.identification.arms.links import links_of
 from analysis.closeloop.identification.arms.robot import with_ordinary
-from analysis.closeloop.identification.arms.shared import nested_z, with_share
+from analysis.closeloop.identification.arms.shared import with_share
 from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import compare, select_rows
 from tests.testbed.sessions.rich import ELBOW, rich_recording
@@ -63,5 +64,5 @@ def test_links_are_others_than_declared_only_if_friction_that_winds_up_does_not_
     arm = replace(still, effort=still.filtered(effort), cache={})
     rows = select_rows(arm, (0,))
     model = with_ordinary(Model(arm), rows)
-    shared = with_share(model, rows, links_of(arm))
+    shared = with_share(model, rows, links_of(arm), links_free=True)
     assert (shared is not model) == (mass > 0.0)

@@ -1,0 +1,48 @@
+"""One wrong motor constant that was taken for the ordinary effects of a joint, or for a load."""
+
+from analysis.closeloop.identification.arms.agreed import SHARED
+from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.candidates import tried_alone
+from sim.effects.catalogue import BY_NAME
+
+GAIN = BY_NAME["torque_gain"]
+
+
+def with_gains(model: Model, rows: Rows) -> Model:
+    """Put a gain in the place of what a joint was given before one was asked for.
+
+    What is ordinary is asked of every joint at once, before anything else. Together inertia,
+    friction and a load do most of what a gain does, and beside them a gain has nothing to show. So
+    it is tried in their place: of the joint's own, then of these and what all joints share. It has
+    to predict left-out groups better; where it stands for several, as well is enough.
+    """
+    for joint in rows.joints:
+        gain = Candidate(effect=GAIN, joint=joint)
+        if not GAIN.applies(model.recording, joint) or gain.key in _keys(model):
+            continue
+        shared = [c for c in model.effects if c.effect.name in SHARED]
+        own = [c for c in model.effects if c.joint == joint and c not in shared]
+        for gone in (own, [*own, *shared] if shared else []):
+            if gone:
+                model = _instead(model, rows, gone, gain)
+    return model
+
+
+def _keys(model: Model) -> set[tuple[str, int]]:
+    declared = model.recording.session.declared
+    joints = {model.recording.name(joint): joint for joint in model.recording.joints}
+    known = {(d.effect, joints[d.joint]) for d in declared if d.joint in joints}
+    return known | {candidate.key for candidate in model.effects}
+
+
+def _instead(model: Model, rows: Rows, gone: list[Candidate], gain: Candidate) -> Model:
+    """Return the model with the gain in the place of some effects, if that is as it should be."""
+    if gain.key in _keys(model) or not set(gone) <= set(model.effects):
+        return model
+    found = tried_alone(model.keeping(lambda other: other not in gone), rows, gain)
+    if found is None:
+        return model
+    changed, score = found
+    better, error = compare(evaluate(model, rows).losses, score.losses)
+    return changed if better > (error if len(gone) == 1 else -error) else model

@@ -1,0 +1,45 @@
+"""Wrong zeros of encoders: the links are elsewhere than thought, which every joint feels."""
+
+from collections.abc import Iterator
+
+from analysis.closeloop.identification.arms.agreed import shared_by_joints
+from analysis.closeloop.identification.arms.links import Links
+from analysis.closeloop.identification.arms.whole_fit import WholeFit
+from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.regression import Rows, Score
+from analysis.closeloop.identification.candidates import tried_alone
+from sim.effects.catalogue import BY_NAME
+
+ZERO = BY_NAME["position_offset"]
+
+
+def with_zeros(model: Model, rows: Rows, links: Links) -> Model:
+    """Add wrong zeros one at a time, if left-out groups of no joint speak against.
+
+    Before other links are thought of: ten parameters a link do most of what a zero does. A load
+    that explains more goes first.
+    """
+    while True:
+        current = evaluate(model, rows)
+        found = [(m, s) for m, s in _zeros(model, rows) if shared_by_joints(current, s, rows)]
+        if not found:
+            return model
+        best, score = min(found, key=lambda pair: pair[1].loss)
+        loads = WholeFit(model, rows, links).loads()
+        if min((load.loss for load in loads), default=score.loss) < score.loss:
+            return model
+        model = best
+
+
+def _zeros(model: Model, rows: Rows) -> Iterator[tuple[Model, Score]]:
+    """Yield the model with a wrong zero of each joint that has none yet."""
+    recording = model.recording
+    declared = {(d.effect, d.joint) for d in recording.session.declared}
+    there = {candidate.key for candidate in model.effects}
+    for joint in rows.joints:
+        zero = Candidate(effect=ZERO, joint=joint)
+        if zero.key in there or (ZERO.name, recording.name(joint)) in declared:
+            continue
+        found = tried_alone(model, rows, zero) if ZERO.applies(recording, joint) else None
+        if found is not None:
+            yield found

@@ -1,0 +1,62 @@
+"""A wrong zero, and a wrong motor constant, before what imitates them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.arms.gains import with_gains
+from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.robot import traced_robot, weighed, with_ordinary
+from analysis.closeloop.identification.arms.zeros import with_zeros
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.session.recording import Recording
+from tests.testbed.sessions.rich import ELBOW, rich_recording
+
+ZERO = "position_offset"
+
+
+def arm_of(effort: np.ndarray, still: Recording) -> Recording:
+    noise = 0.02 * np.random.default_rng(5).standard_normal(effort.shape)
+    return replace(still, effort=still.filtered(effort + noise), cache={})
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_a_wrong_zero_is_asked_of_all_joints_at_once_and_only_if_there_is_one(
+    offset: float,
+) -> None:
+    """The shoulder carries what hangs at the elbow, so both say where the forearm is."""
+    still = rich_recording(20)
+    effort = np.array(still.inverse)
+    if offset:
+        effort -= offset * still.secant(ELBOW, -offset, moving=True)
+    arm = arm_of(effort, still)
+    rows = select_rows(arm, (0,))
+    model = with_zeros(with_ordinary(Model(arm), rows), rows, links_of(arm))
+    zeros = [term for term in model.terms if term.candidate and term.candidate.key[0] == ZERO]
+    assert [term.joint for term in zeros] == ([ELBOW] if offset else [])
+    assert all(set(term.columns) == set(arm.joints) for term in zeros)
+    assert all(term.theta["offset"] == pytest.approx(offset, rel=0.1) for term in zeros)
+
+
+def test_a_gain_stands_for_the_inertia_and_friction_that_do_the_same_together() -> None:
+    still = rich_recording(20)
+    still.device.model.dof_damping[ELBOW] = 0.5
+    effort = np.array(still.inverse)
+    effort[:, ELBOW] *= 1.2
+    arm = arm_of(effort, still)
+    rows = select_rows(arm, (0,))
+    model = with_gains(with_ordinary(Model(arm), rows), rows)
+    own = {candidate.effect.name for candidate in model.effects if candidate.joint == ELBOW}
+    assert own == {"torque_gain"}
+
+
+def test_inertia_that_a_motor_has_is_no_gain() -> None:
+    still = rich_recording(20)
+    effort = np.array(still.inverse)
+    effort[:, ELBOW] += 0.05 * still.acceleration[:, ELBOW]
+    arm = arm_of(effort, still)
+    rows = select_rows(arm, (0,))
+    found = traced_robot(Model(arm), weighed(Model(arm), rows), lambda _: None)
+    assert {step.key for step in found.steps} == {("added_inertia", ELBOW)}
