@@ -6,8 +6,6 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from analysis.reports.wording import left_by_analysis
-
 #: Indices that tables leave out: others say more, or bound the same from closer by.
 LEFT_OUT = ("mu", "full_total_order", "independent_first_order")
 #: What ranks the factors, most influential first.
@@ -46,6 +44,8 @@ def failures_in_words(failures: Mapping[str, int]) -> str:
 
 def left_in_words(progress: Mapping[str, Any]) -> str:
     """Return in a sentence that results wait for an analysis; empty if none do."""
+    from analysis.reports.wording import left_by_analysis
+
     # An older coordinator does not say.
     return left_by_analysis(progress.get("left_by_analysis", 0))
 

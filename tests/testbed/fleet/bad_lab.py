@@ -22,7 +22,7 @@ LEASE_SECONDS = 2.0
 SHARE = "0.05"
 #: Seconds for what takes two on a machine with nothing else to do.
 PATIENCE = 200.0
-_PROBLEMS = "server.http.problems"
+_AWAY = "the database is away or full"
 
 
 class BadLab:
@@ -114,10 +114,10 @@ class BadLab:
         return (self.folder / f"{name}.log").read_text(errors="replace")
 
     def failures(self) -> list[str]:
-        """Return at what a coordinator failed, in its own words; of an answer of 503 a line."""
+        """Return at what a coordinator failed, in its own words; of a database away a line."""
         lines = [line for name in self.coordinators for line in self.log(name).splitlines()]
-        said = [json.loads(line) for line in lines if '"ex' in line or _PROBLEMS in line]
-        told = [e.get("exception", e["event"] if e["logger"] == _PROBLEMS else "") for e in said]
+        said = [json.loads(line) for line in lines if '"ex' in line or _AWAY in line]
+        told = [e.get("exception", e["event"] if _AWAY in e["event"] else "") for e in said]
         return [words for words in told if words]
 
     def trouble(self) -> Counter[str]:
