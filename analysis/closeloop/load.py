@@ -4,7 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from analysis.closeloop.session.mjcf import load_device
-from analysis.closeloop.session.plausibility import check_copies, check_signs, checked_trial
+from analysis.closeloop.session.plausibility import (
+    check_copies,
+    check_signs,
+    check_torque,
+    checked_trial,
+)
 from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.stretches import record
@@ -30,4 +35,6 @@ def load_session(folder: Path) -> Recording:
     recording = record(replace(session, trials=tuple(trials)), device)
     check_signs(recording)
     check_units(recording)
+    for trial in trials:
+        check_torque(trial, device, session.limb_joints)
     return recording

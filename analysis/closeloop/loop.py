@@ -33,6 +33,7 @@ from analysis.closeloop.report.plain import finite
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.report.still import still_answer
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.units import doubtful_units
 
 
 def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> Answer:
@@ -102,6 +103,7 @@ def close_loop(
             f"session.json: {', '.join(found.recording.session.unknown)} mean nothing and were "
             "not read"
         )
+    report["warnings"] += doubtful_units(found.recording)
     xml, elements, warnings = repaired_model(found.recording.device, report)
     for effect, element in zip(report["effects"], elements, strict=False):
         effect["mujoco_element"] = element

@@ -15,6 +15,8 @@ UNITS = {"lb in": 8.8507, "kgf cm": 10.197, "N cm": 100.0, "oz in": 141.61, "mNm
 NEAR_UNIT = 0.1
 #: No joint carries this many times what its links weigh; less can be a load nobody declared.
 HEAVIEST = 30.0
+#: Nobody puts a gear of so many turns in front of a joint; grams for kilograms are more.
+LONGEST_GEAR = 300.0
 #: Share of the effort's variance that one constant may leave: a poor model leaves more. Beyond
 #: `GAINS` that is less than a quarter of what the model leaves as declared. Set before any session
 #: was looked at.
@@ -29,6 +31,10 @@ def check_units(recording: Recording) -> None:
     `GAINS` that is a gain to be found. Beyond them it is refused if nothing could be so light or so
     heavy, or if it is the constant of a common unit. So are positions in turns, with which gravity
     and inertia are as declared, and without which neither is.
+
+    Where nothing weighs, inertia has to say it alone. A motor's that nobody declared adds to it: of
+    what is too large only a limb's is refused, if the constant is that of a unit and no such
+    motor's; `doubtful_units` has the others.
 
     Raises:
         SessionError: names the joint's column in the first trial.
@@ -45,27 +51,60 @@ def check_units(recording: Recording) -> None:
                 "recorded effort, and as recorded it does not; positions are in radians"
             )
             raise SessionError(why, file=first, column=f"{name}.position", line=2)
+        limb, where = joint in recording.limbs, "gravity and inertia alike"
         constant = _constant(effort, links)
         question = _question(constant, hinge=hinge) if constant is not None else ""
+        if constant is None and (constant := _weightless(effort, links)) is not None:
+            where = "inertia, where gravity has no torque"
+            certain = constant < 1.0 or (limb and constant > HEAVIEST and _units_near(constant))
+            question = _question(constant, hinge=hinge) if certain else ""
         if question:
             why = (
-                f"is {constant:.4g} times what the declared model of {name} needs, in gravity and "
-                f"inertia alike: {question} effort is what arrives at the joint, in "
-                f"{'Nm' if hinge else 'N'}"
+                f"is {constant:.4g} times what the declared model of {name} needs, in {where}: "
+                f"{question} effort is what arrives at the joint, in {'Nm' if hinge else 'N'}"
             )
             raise SessionError(why, file=first, column=f"{name}.effort", line=2)
+
+
+def doubtful_units(recording: Recording) -> list[str]:
+    """Return a sentence for every joint whose effort asks for far more inertia than is declared.
+
+    Where nothing weighs, a motor's inertia that nobody declared looks like another unit.
+    """
+    found = []
+    for joint in recording.joints:
+        if int(in_motion(recording, joint).sum()) < LEAST_MOTION * recording.rate:
+            continue
+        effort, links = _beside_unknowns(recording, joint)
+        constant = _weightless(effort, links)
+        if constant is not None and constant > GAINS[1]:
+            name = recording.name(joint)
+            unit = recording.device.unit(name)
+            found.append(
+                f"the effort of {name} needs {constant:.3g} times the declared inertia, and no "
+                f"gravity is there to tell why: if it is not in {unit}, every value is wrong by as "
+                "much; if a motor's inertia is not declared (armature), none is"
+            )
+    return found
 
 
 def _question(constant: float, *, hinge: bool) -> str:
     """Return what to ask of an effort that is so many times too large; empty if it may be right."""
     if GAINS[0] <= 1.0 / constant <= GAINS[1]:
         return ""
+    if 1.0 / constant > LONGEST_GEAR:
+        return "are the model's masses in g, or its lengths in mm? They are in kg and m, and"
     if constant < 1.0:
         return f"is it a current, or the torque before a gear of 1:{1.0 / constant:.3g}?"
-    near = [unit for unit, value in UNITS.items() if abs(constant / value - 1.0) < NEAR_UNIT]
+    near = _units_near(constant)
     if hinge and near:
         return f"is its unit {min(near, key=lambda unit: abs(constant - UNITS[unit]))}?"
     return "what is its unit?" if constant > HEAVIEST else ""
+
+
+def _units_near(constant: float) -> list[str]:
+    """Return the units of torque of which a newton metre is about so many."""
+    return [unit for unit, value in UNITS.items() if abs(constant / value - 1.0) < NEAR_UNIT]
 
 
 def _in_turns(recording: Recording, joint: int) -> bool:
@@ -95,6 +134,20 @@ def _constant(effort: np.ndarray, links: np.ndarray) -> float | None:
     least = min(_least_squares(links[:, [part]], effort)[1] for part in (0, 1))
     little = remains < ONE_CONSTANT_LEAVES * float(effort @ effort)
     return float(constant) if constant > 0.0 and alike and little and least > 2.0 * left else None
+
+
+def _weightless(effort: np.ndarray, links: np.ndarray) -> float | None:
+    """Return the effort over what the declared inertia needs; None unless it alone says that.
+
+    Gravity times the same constant takes less than is left: it could not say otherwise. What is
+    left is little, as a delay, for one, does not leave it.
+    """
+    (constant,), left = _least_squares(links[:, [1]], effort)
+    weight = constant * links[:, 0]
+    rounding = 1e-9 * float(effort @ effort)
+    alone = float(weight @ weight) <= left + rounding
+    little = left < ONE_CONSTANT_LEAVES * float(effort @ effort)
+    return float(constant) if constant > 0.0 and alone and little else None
 
 
 def _beside_unknowns(recording: Recording, joint: int) -> tuple[np.ndarray, np.ndarray]:

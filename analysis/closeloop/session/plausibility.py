@@ -30,6 +30,11 @@ STILL = "no position changes; if the joints were not held, look at the encoders"
 #: samples, or last digits, it changes if the joint is not held. Both were chosen before the still
 #: recordings that they were tried on were looked at.
 SLOW, WORKS = 0.1, 3.0
+#: No joint of a limb bears more, Nm: the strongest, knee and hip, give .163 of weight times height
+#: (Anderson, Madigan and Nussbaum 2007), here of the largest subject that a session may name.
+MOST_TORQUE = 1200.0
+#: Share of samples that lie beyond: spikes are no unit.
+MOST_SHARE = 0.01
 #: Least time that a motor moves its joint before the sign of its effort is judged, s.
 LEAST_MOTION = 1.0
 
@@ -105,6 +110,26 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
             )
             raise SessionError(why, file=trial.file, column=column, line=line)
     return trial if moving else replace(trial, repairs=(*trial.repairs, STILL))
+
+
+def check_torque(trial: Trial, device: Device, limb_joints: Collection[str]) -> None:
+    """Refuse a torque that no limb bears, for a session in which nothing says the unit.
+
+    Raises:
+        SessionError: names file, column and line.
+    """
+    for joint in limb_joints:
+        effort = trial.columns.get(f"{joint}.effort")
+        if effort is None or not device.is_hinge(joint):
+            continue
+        beyond = np.abs(effort) > MOST_TORQUE
+        if np.mean(beyond) > MOST_SHARE:
+            row = int(np.argmax(beyond))
+            why = (
+                f"reaches {effort[row]:g} Nm, and no joint of a limb bears more than "
+                f"{MOST_TORQUE:g}; efforts are in Nm: is its unit mNm?"
+            )
+            raise SessionError(why, file=trial.file, column=f"{joint}.effort", line=row + 2)
 
 
 def works(effort: np.ndarray, time: np.ndarray) -> bool:
