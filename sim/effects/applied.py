@@ -24,11 +24,15 @@ Torque = Callable[[mujoco.MjData], float]
 class AppliedEffects:
     """The applied torques of one model; holds their memory, so use one object a simulation.
 
+    Args:
+        model: with the effects' texts and actuators.
+        begun: the session's clock where the simulation's stands at 0, s: a drift goes by it.
+
     Raises:
         ValueError: an effect of the model is not as this version writes it.
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, begun: float = 0.0) -> None:
         self._model = model
         #: Actuator of every effect, and the torque that the joint feels.
         self.torques: list[tuple[int, Torque]] = []
@@ -41,7 +45,7 @@ class AppliedEffects:
             # Never stepped: the engine's callback would show a film what never happens.
             rest = mujoco.MjData(model)
             for number, name in own:
-                torque = _torque(model, _text(model, number), rest)
+                torque = _torque(model, _text(model, number), rest, begun)
                 self.torques.append((model.actuator(name).id, torque))
 
     def apply(self, data: mujoco.MjData) -> None:
@@ -56,7 +60,7 @@ def _text(model: mujoco.MjModel, number: int) -> str:
     return bytes(model.text_data[start : start + size - 1]).decode()
 
 
-def _torque(model: mujoco.MjModel, text: str, rest: mujoco.MjData) -> Torque:
+def _torque(model: mujoco.MjModel, text: str, rest: mujoco.MjData, begun: float) -> Torque:
     content = json.loads(text.replace("'", '"'))
     step, joint = float(model.opt.timestep), model.joint(content["joint"])
     qpos, dof = int(joint.qposadr[0]), int(joint.dofadr[0])
@@ -71,4 +75,4 @@ def _torque(model: mujoco.MjModel, text: str, rest: mujoco.MjData) -> Torque:
             f"with other names (no {missing}): close the loop again"
         ) from None
     needed = effect.simulated(content["parameters"], step)
-    return lambda data: -needed(SimulatedMotion(data, qpos, dof))
+    return lambda data: -needed(SimulatedMotion(data, qpos, dof, begun))

@@ -230,6 +230,8 @@ class SimulatedMotion:
     data: "mujoco.MjData"
     qpos: int
     dof: int
+    #: The session's clock where the simulation's stands at 0, s.
+    begun: float = 0.0
 
     @property
     def position(self) -> float:
@@ -253,7 +255,7 @@ class SimulatedMotion:
 
     @property
     def time(self) -> float:
-        return float(self.data.time)
+        return self.begun + float(self.data.time)
 
     def other(self, dof: int) -> tuple[float, float]:
         return float(self.data.qpos[dof]), float(self.data.qvel[dof])

@@ -177,8 +177,9 @@ def simulate(
         mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
     )
     model = compiled(spec)
-    data, effects = mujoco.MjData(model), AppliedEffects(model)
     clock = recording.time[piece]
+    begun = float(clock[0] - recording.time.min())
+    data, effects = mujoco.MjData(model), AppliedEffects(model, begun)
     time = np.arange(clock[0], min(clock[-1], clock[0] + LONGEST), model.opt.timestep)
     position, velocity, acceleration = (
         np.column_stack([np.interp(time, clock, column) for column in signal[piece].T])

@@ -11,6 +11,7 @@ from analysis.closeloop.load import load_session
 from analysis.closeloop.report.confirmation import confirm, simulate
 from analysis.closeloop.session.contents import AddedMass
 from analysis.closeloop.session.device import Device
+from sim.effects.catalogue import BY_NAME
 
 #: A light link between joints of nearly one axis: what moves one shakes the other.
 CHAIN = """<mujoco>
@@ -97,3 +98,29 @@ def test_a_trial_is_simulated_with_what_it_carries(tmp_path: Path, named: bool) 
     # A load that no trial names is none of the declared model's: it hangs there before and after.
     assert (entry["feedback_after"] < 0.1 * entry["feedback_before"]) is named
     assert simulation["joints"]["elbow"]["open_loop"]["after"] < 0.02
+
+
+def test_a_drift_is_simulated_by_the_session_s_clock(tmp_path: Path) -> None:
+    """The second trial begins a minute after the first, not at the drift's beginning."""
+    values = {"rate": 0.01, "time_constant": 200.0, "torque_at_start": 0.1}
+    swing, efforts = np.arange(0.0, 2.0, 0.005), []
+    angle = 0.4 * np.sin(5.0 * swing)
+    motion = [each[:, None] for each in (angle, 2.0 * np.cos(5.0 * swing), -25.0 * angle)]
+    needed = Device(mujoco.MjSpec.from_string(LINK), ()).inverse_dynamics(*motion)[:, 0]
+    for file, begun in (("a.csv", 5.0), ("b.csv", 65.0)):
+        since = begun - 5.0 + swing
+        drift = values["torque_at_start"] + 2.0 * (1.0 - np.exp(-since / 200.0))
+        efforts.append(drift)
+        table = np.column_stack([begun + swing, angle, needed + drift])
+        header = "time,elbow.position,elbow.effort"
+        np.savetxt(tmp_path / file, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    (tmp_path / "device.xml").write_text(LINK)
+    trials = [{"file": "a.csv"}, {"file": "b.csv"}]
+    session = {"schema": 1, "model": "device.xml", "trials": trials}
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    spec = mujoco.MjSpec.from_string(LINK)
+    BY_NAME["drift"].add(spec, "elbow", values)
+    recording = load_session(tmp_path)
+    for piece, drift in zip(recording.slices, efforts, strict=True):
+        run = simulate(recording, spec.to_xml(), piece)
+        assert run.feedback[0] < 0.1 * float(np.sqrt(np.mean(drift**2)))
