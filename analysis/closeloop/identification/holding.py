@@ -69,9 +69,9 @@ def determined(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
 def _least_sure(grown: Grown, rows: Rows) -> Step | None:
     """Return the step whose effect is nearest to nothing; None if all are surely there."""
     for step in grown.steps:
-        if step.key[0] == PLACED.name and _mass(grown, step) < LEAST_LOAD:
+        if _placed(step) and _mass(grown, step) < LEAST_LOAD:
             return step
-    own = [s for s in grown.steps if s.key[0] not in (LINK_INERTIA, PLACED.name)]
+    own = [s for s in grown.steps if s.key[0] != LINK_INERTIA and not _placed(s)]
     if not own:
         return None
     fits = leave_out(grown.model, rows, grown.score.coefficients)
@@ -81,6 +81,11 @@ def _least_sure(grown: Grown, rows: Rows) -> Step | None:
     }
     least = min(own, key=lambda step: sure[step.key])
     return least if sure[least.key] <= 1.0 else None
+
+
+def _placed(step: Step) -> bool:
+    """Whether a step is a load that joints share; a limb's may be less than nothing."""
+    return step.taken.candidate.effect is PLACED
 
 
 def _mass(grown: Grown, step: Step) -> float:

@@ -10,12 +10,19 @@ import pytest
 
 from analysis.closeloop.loop import analyse
 from sim.effects.laws.transmission import Hysteresis
-from tests.testbed.sessions.plants import LIMB, STEP, Beyond, write_recordings
+from tests.testbed.sessions.plants import LIMB, STEP, Beyond, Plant, write_recordings
 
 STIFFNESS, DAMPING = 4.0, 0.3
 #: The limb as it is in the true model.
 LIMP = f'springref="1.2" stiffness="{STIFFNESS}" damping="{DAMPING}"'
 ATTRIBUTES = 'armature="0.02" frictionloss="0"'
+
+#: The same limb, which now moves up and down.
+LIFTED = replace(
+    LIMB,
+    mjcf=LIMB.changed('gravity="0 0 0"', 'gravity="0 0 -9.81"').replace("0 0 1", "0 -1 0"),
+    centre=(0.6,),
+)
 
 
 def rubbing(friction: float) -> str:
@@ -28,7 +35,23 @@ def answered(
 ) -> dict[str, Any]:
     """Return the answer to a session of a limb whose joint is declared otherwise than it is."""
     plant = replace(LIMB, mjcf=LIMB.changed(ATTRIBUTES, declared))
-    truth = LIMB.changed(ATTRIBUTES, f"{real} {LIMP}")
+    return answer(folder, plant, LIMB.changed(ATTRIBUTES, f"{real} {LIMP}"), beyond)
+
+
+def lifted(folder: Path, declared: str, real: str) -> dict[str, Any]:
+    """Return the answer to a session of a limb that is lifted, of which `declared` is not so.
+
+    Args:
+        folder: of the session.
+        declared: part of the declared model.
+        real: what stands there in the true one.
+    """
+    truth = LIFTED.changed(declared, real).replace(ATTRIBUTES, f"{ATTRIBUTES} {LIMP}")
+    return answer(folder, LIFTED, truth)
+
+
+def answer(folder: Path, plant: Plant, truth: str, beyond: Beyond | None = None) -> dict[str, Any]:
+    """Return the answer to a session of a plant, of which an impedance at the elbow is declared."""
     write_recordings(folder, plant, 2, truth=truth, beyond=beyond, seconds=8.0, trials=4)
     session = json.loads((folder / "session.json").read_text())
     session["declared_effects"] = [{"effect": "viscoelastic_joint", "joint": "elbow"}]
@@ -87,3 +110,14 @@ def test_friction_that_winds_up_before_it_slides_is_no_push_and_no_stiffness(
     assert low <= STIFFNESS <= high
     assert not any(left["events"] for left in report["unexplained"].values())
     assert any("winds up before it slides" in line for line in report["warnings"])
+
+
+def test_a_limb_that_is_lighter_than_declared_is_a_load_of_less_than_nothing(
+    tmp_path: Path,
+) -> None:
+    report = lifted(tmp_path, 'mass="1.4"', 'mass="0.9"')
+    (found,) = report["effects"]
+    assert found["name"] == "payload"
+    assert found["parameters"]["mass"]["value"] == pytest.approx(-0.5, rel=0.1)
+    stiffness = report["impedance"]["elbow"]["stiffness"]["after"]
+    assert stiffness == pytest.approx(STIFFNESS, rel=0.01)
