@@ -23,6 +23,7 @@ EFFECTS: tuple[Effect, ...] = (
     inertia.AddedInertia(),
     drive.TorqueGain(),
     drive.PositionOffset(),
+    inertia.GravityTorque(),
     drive.TimeDelay(),
     drive.ActuatorLag(),
     elastic.JointStiffness(),

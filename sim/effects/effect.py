@@ -80,6 +80,9 @@ class Effect(ABC):
     rubs: bool = False
     #: Whether its torque goes with the direction of the motion, as no soft tissue's does.
     directed: bool = False
+    #: Whether it contradicts what the model's file declares, which holds until trials speak against
+    #: it: it is credited with nothing while it is not seen.
+    contradicts: bool = False
     #: Whether it acts at reversals, where friction turns.
     at_reversals: bool = False
     #: Whether it winds up over a way after each reversal, as friction itself does over a short one.

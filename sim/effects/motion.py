@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 #: Width over which the direction of a simulated motion changes, rad/s or m/s.
 SMOOTH = 0.01
+#: MuJoCo's number of a joint that slides (`mjtJoint`), which is not imported to fit.
+SLIDE = 2
 #: What slides after a smaller share of half the travel is friction, whose contacts give way by some
 #: milliradians first (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2).
 PRESLIDING_SHARE = 0.02
@@ -98,6 +100,9 @@ class Recording(Protocol):
 
     def mass_torque(self, joint: int, position: np.ndarray) -> np.ndarray:
         """Return the torque of one more kilogram at `position` of the joint's body."""
+
+    def weight(self, joint: int) -> np.ndarray:
+        """Return what holds the joint in one m/s2 of gravity along x, y and z, (n, 3)."""
 
     def secant(self, joint: int, step: float, *, moving: bool = False) -> np.ndarray:
         """Return the change of every torque over `step` of one joint's position.
@@ -219,6 +224,10 @@ class RecordedJoint:
             out[piece] = states
         return out
 
+    @property
+    def weight(self) -> np.ndarray:
+        return self.recording.weight(self.number)
+
     def other(self, dof: int) -> tuple[np.ndarray, np.ndarray]:
         return self.recording.position[:, dof], self.recording.velocity[:, dof]
 
@@ -256,6 +265,16 @@ class SimulatedMotion:
     @property
     def time(self) -> float:
         return self.begun + float(self.data.time)
+
+    @property
+    def weight(self) -> np.ndarray:
+        """What holds the joint in one m/s2 of gravity along x, y and z, (3,)."""
+        model, data = self.data.model, self.data
+        joint = int(model.dof_jntid[self.dof])
+        body, axis = int(model.jnt_bodyid[joint]), data.xaxis[joint]
+        lever = data.subtree_com[body] - data.xanchor[joint]
+        lifted = axis if model.jnt_type[joint] == SLIDE else np.cross(axis, lever)
+        return np.asarray(-float(model.body_subtreemass[body]) * lifted)
 
     def other(self, dof: int) -> tuple[float, float]:
         return float(self.data.qpos[dof]), float(self.data.qvel[dof])

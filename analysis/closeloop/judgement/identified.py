@@ -6,7 +6,7 @@ effect imitates stiffness, damping and neutral angle together, the interval is w
 the residual is. Its covariance is clustered by seconds (Liang and Zeger 1986, Longitudinal data
 analysis using generalized linear models). An effect that the declared unknowns take in whole
 wherever the joint goes (an offset, viscosity, a spring) is part of what they are called and moves
-nothing.
+nothing. Nor does one that contradicts the model's file, as another gravity does.
 """
 
 from collections.abc import Iterator
@@ -53,7 +53,9 @@ def hidden_effects(
     for candidate in candidates(model.recording):
         effect, joint = candidate.effect, candidate.joint
         named = (effect.name, model.recording.name(joint)) in declared or candidate.key in known
-        if joint not in limbs or effect.channel or named or effect.name in _covered(model, joint):
+        if joint not in limbs or effect.channel or effect.contradicts:
+            continue
+        if named or effect.name in _covered(model, joint):
             continue
         if not has_ground(candidate, ground):
             continue

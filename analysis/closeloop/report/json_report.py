@@ -18,6 +18,7 @@ from analysis.closeloop.report.impedance import (
 from analysis.closeloop.report.named import (
     declared_entries,
     effect_entries,
+    of_gravity,
     refused_values,
     undetermined,
     without_value,
@@ -80,6 +81,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *undetermined_places(declared),
             *refused_values(effects),
             *undetermined(effects),
+            *of_gravity(recording, effects),
             *of_unnamed_loads(unnamed),
         ],
         "session": session_entry(recording),

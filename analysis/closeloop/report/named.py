@@ -18,13 +18,17 @@ from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
 from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.report.shared import link_parameters
+from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING, Theta
+from sim.effects.laws.inertia import GravityTorque
 from sim.effects.motion import RecordedJoint
 from sim.effects.parameter import unit_at
 
 #: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
 MOST_NONSENSE = 0.25
+#: Parameters of further gravity along the axes of the world.
+FURTHER_GRAVITY = tuple(GravityTorque.parameters)
 
 
 def effect_entries(found: Trace) -> list[dict[str, Any]]:
@@ -173,6 +177,26 @@ def undetermined(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
+def of_gravity(recording: Recording, entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a warning for every joint at which gravity seems to be another than declared."""
+    declared = recording.device.model.opt.gravity
+    lines = []
+    for entry in entries:
+        further = [entry["parameters"].get(name, {}).get("value") for name in FURTHER_GRAVITY]
+        if None not in further:
+            lines.append(
+                f"{entry['joint']} moves as in a gravity of {_vector(declared + further)} m/s2, "
+                f"not {_vector(declared)} as declared: is its effort logged after gravity "
+                "compensation, does something balance it, or is the device mounted another way?"
+            )
+    return lines
+
+
+def _vector(values: np.ndarray) -> str:
+    # Adding zero turns what is rounded to -0 into 0.
+    return f"[{', '.join(f'{value:.3g}' for value in np.round(values, 2) + 0.0)}]"
+
+
 def _part(model: Model, candidate: Candidate) -> Term | Channel:
     """Return the part of a model that a found effect is."""
     parts: list[Term | Channel] = [*model.terms, *model.channels]
@@ -203,13 +227,14 @@ def _parameters(
             natural = effect.parameters[key]
             limits[key] = natural.floor, natural.ceiling
             value, lowest = reading.of({}), natural.floor
-            every = _moved(fits, candidate, joint, theta, key)
+            every = value + _moved(fits, candidate, joint, theta, key, own)
             free = fits.interval(every, float(value))
         elif reading.column in own:
             value = reading.of(own, scale)
             bound = part.bound(reading.column) if isinstance(part, Term) else -np.inf
             lowest = reading.lowest(bound, scale)
             every = np.asarray(reading.of(refitted, scale))
+            every = every + _moved(fits, candidate, joint, theta, key, own, scale)
             free = fits.interval(every, float(value)) if np.isfinite(value) else None
         else:
             continue
@@ -235,17 +260,27 @@ def _is_difference(model: Model, part: Term | Channel) -> bool:
 
 
 def _moved(
-    fits: Fits, candidate: Candidate, joint: RecordedJoint, theta: Theta, key: str
+    fits: Fits,
+    candidate: Candidate,
+    joint: RecordedJoint,
+    theta: Theta,
+    key: str,
+    own: Mapping[int, float],
+    scale: float = 1.0,
 ) -> np.ndarray:
-    """Return a fixed parameter with the non-linear parameters of each fit, to first order."""
-    value = candidate.effect.fixed(joint, theta)[key]
-    spread = np.full(len(fits.coefficients), value)
+    """Return what each fit's non-linear parameters add to a physical one, to first order."""
+
+    def read(at: Theta) -> float:
+        reading = candidate.effect.readings(joint, at)[key]
+        return float(reading.of(own, scale) if reading.columns else reading.of({}))
+
+    spread = np.zeros(len(fits.coefficients))
     for (*named, theta_name), values in fits.thetas.items():
         if tuple(named) != candidate.key:
             continue
         step = 1e-6 * max(1.0, abs(theta[theta_name]))
         moved = {**theta, theta_name: theta[theta_name] + step}
-        slope = (candidate.effect.fixed(joint, moved)[key] - value) / step
-        if slope:
-            spread = value + slope * (values - theta[theta_name])
+        slope = (read(moved) - read(theta)) / step
+        if slope and np.isfinite(slope):
+            spread += slope * (values - theta[theta_name])
     return spread

@@ -33,6 +33,18 @@ class ChainMotion:
     axis: np.ndarray
     anchor: np.ndarray
 
+    def weight(self, joint: int) -> np.ndarray:
+        """Return what holds a joint in one m/s2 of gravity along x, y and z, Nm or N, (n, 3)."""
+        model, axis = self.model, self.axis[:, joint]
+        carried = [b for b in range(1, model.nbody) if joint in carriers(model, b)]
+        masses = model.body_mass[carried]
+        if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
+            return -axis * float(masses.sum())
+        # First moments of all that the joint carries, about a point on its axis.
+        places = self.origin + np.einsum("nbij,bj->nbi", self.frame, model.body_ipos)
+        levers = places[:, carried] - self.anchor[:, None, joint]
+        return -np.cross(axis, np.einsum("b,nbi->ni", masses, levers))
+
     def link_torque(self, body: int) -> np.ndarray:
         """Return the joint torques for one unit of each of a body's parameters, (n, joints, 10).
 

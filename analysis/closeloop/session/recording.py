@@ -194,6 +194,10 @@ class Recording:
             self.cache[key] = self.chain.link_torque(body)
         return self.cache[key]
 
+    def weight(self, joint: int) -> np.ndarray:
+        """Return what holds a joint in one m/s2 of gravity along x, y and z, (n, 3)."""
+        return self.chain.weight(joint)
+
     def of_joint(self, joint: int) -> "Recording":
         """Return the same recording with the balance of one joint only."""
         found = replace(self, joints=(joint,))

@@ -27,6 +27,8 @@ LEAST_LOAD, LONGEST_WAY = 1e-3, 0.3
 OFF_LINE = 0.1
 #: No more than this share of the declared inertia can turn out not to be there.
 MAX_REMOVED = 0.7
+#: What turns gravity round, m/s2: no wrong direction, balance or compensation does more.
+TURNED_ROUND = 2.0 * 9.81
 
 
 class Payload(Effect):
@@ -220,3 +222,56 @@ class AddedInertia(Law):
             raise ValueError("the joint's inertia would be negative")
         target.armature += parameters["inertia"]
         return self.element
+
+
+class GravityTorque(Law):
+    """Gravity acts on what a limb's joint moves in another way than declared.
+
+    The effort was logged after gravity compensation, or gravity has another direction; a balancer
+    or a counterweight pulls, or the limb has another mass. Inertia stays as declared.
+    """
+
+    limb = True
+    name = "gravity_torque"
+    complexity = 2
+    signature = "the residual is a sine of the posture, the same both ways and at every speed"
+    separating_trial = "weigh the limb in the device at rest, in five postures"
+    parameters = named(
+        **{
+            f"gravity_{way}": Parameter(
+                "m/s2",
+                f"further gravity along the model's {way} axis",
+                floor=-TURNED_ROUND,
+                ceiling=TURNED_ROUND,
+            )
+            for way in "xyz"
+        }
+    )
+    contradicts = True
+    # Beside stiffness and neutral angle trials tell no more than one direction of gravity, or its
+    # opposite.
+    nonlinear = (Nonlinear("turned", tuple(np.arange(6) * np.pi / 6), shift=0.25, step=RELATIVE),)
+
+    def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
+        along = _turned(joint.weight, theta["turned"])
+        return {
+            name: Reading(column=0, scale=share)
+            for name, share in zip(self.parameters, along, strict=True)
+        }
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        held: Signal = motion.weight @ np.array([parameters[name] for name in self.parameters])
+        return held
+
+
+def _turned(weight: np.ndarray, angle: float) -> np.ndarray:
+    """Return a direction of gravity that a joint feels, turned by an angle, a unit vector, (3,).
+
+    Args:
+        weight: what holds the joint in gravity along x, y and z, (n, 3).
+        angle: rad, in the plane of the two directions that the joint feels most.
+    """
+    plane = np.linalg.svd(weight.T @ weight)[0][:, :2]
+    # A singular vector is one of either sign.
+    plane = plane * np.sign(plane[np.abs(plane).argmax(axis=0), [0, 1]])
+    return np.asarray(plane @ [np.cos(angle), np.sin(angle)])

@@ -35,6 +35,7 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     "payload": ({"distance": 1.6}, (0.4,)),
     "added_inertia": ({}, (0.05,)),
     "position_offset": ({"offset": 0.1}, (0.1,)),
+    "gravity_torque": ({"turned": 0.5}, (3.0,)),
     "joint_stiffness": ({}, (3.0, -2.0)),
     "nonlinear_stiffness": ({"centre": 1.0}, (5.0,)),
     "end_range_torque": ({"side": 1.0, "onset": 1.15, "power": 2.0}, (9.0,)),

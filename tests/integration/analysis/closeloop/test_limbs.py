@@ -112,6 +112,28 @@ def test_friction_that_winds_up_before_it_slides_is_no_push_and_no_stiffness(
     assert any("winds up before it slides" in line for line in report["warnings"])
 
 
+@pytest.mark.parametrize(
+    "real",
+    ["0 0 0", "-9.81 0 0"],
+    ids=["compensated", "mounted another way"],
+)
+def test_gravity_that_the_effort_lacks_is_no_spring(real: str, tmp_path: Path) -> None:
+    """A hardening spring explains it nearly as well, with a stiffness half as large again."""
+    report = lifted(tmp_path, "0 0 -9.81", real)
+    (found,) = report["effects"]
+    assert found["name"] == "gravity_torque"
+    turned = np.array([float(value) for value in real.split()]) - [0.0, 0.0, -9.81]
+    for name, value in zip(("gravity_x", "gravity_y", "gravity_z"), turned, strict=True):
+        low, high = found["parameters"][name]["ci90"]
+        assert low <= value <= high
+    stiffness = report["impedance"]["elbow"]["stiffness"]
+    assert stiffness["after"] == pytest.approx(STIFFNESS, rel=0.03)
+    low, high = stiffness["ci90_after"]
+    assert low < STIFFNESS < high
+    assert not report["identified"]["elbow"]["stiffness"]
+    assert any("not [0, 0, -9.81] as declared" in line for line in report["warnings"])
+
+
 def test_a_limb_that_is_lighter_than_declared_is_a_load_of_less_than_nothing(
     tmp_path: Path,
 ) -> None:
@@ -121,3 +143,22 @@ def test_a_limb_that_is_lighter_than_declared_is_a_load_of_less_than_nothing(
     assert found["parameters"]["mass"]["value"] == pytest.approx(-0.5, rel=0.1)
     stiffness = report["impedance"]["elbow"]["stiffness"]["after"]
     assert stiffness == pytest.approx(STIFFNESS, rel=0.01)
+
+
+def test_a_counterweight_leaves_a_stiffness_that_is_in_its_interval(tmp_path: Path) -> None:
+    weight = '<body><inertial pos="-0.1 0 0" mass="1" diaginertia="1e-4 1e-4 1e-4"/></body>'
+    report = lifted(tmp_path, "    </body>", f"{weight}</body>")
+    names = {(e["name"], *e["indistinguishable_from"]) for e in report["effects"]}
+    assert any({"payload", "gravity_torque"} <= set(own) for own in names)
+    assert any("added_inertia" in own for own in names)
+    low, high = report["impedance"]["elbow"]["stiffness"]["ci90_after"]
+    assert low < STIFFNESS < high
+    assert not report["identified"]["elbow"]["stiffness"]
+
+
+def test_a_spring_that_hardens_stays_one_where_gravity_pulls(tmp_path: Path) -> None:
+    truth = LIFTED.changed(ATTRIBUTES, f"{ATTRIBUTES} {LIMP}")
+    report = answer(tmp_path, LIFTED, truth, lambda _t, q, _v: -3.0 * (q - 1.0) ** 3)
+    (found,) = report["effects"]
+    assert found["name"] == "nonlinear_stiffness"
+    assert found["parameters"]["cubic_stiffness"]["value"] == pytest.approx(3.0, rel=0.05)

@@ -26,6 +26,7 @@ series_elasticity backlash hysteresis stretch_reflex thixotropy drift cross_join
 #: Names that came later.
 LATER = """
 stribeck_load_friction directional_load_friction quadratic_load_friction thixotropic_stiffness
+gravity_torque
 """
 every_effect = pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
 #: Effects whose torque an actuator applies at every step.
@@ -192,6 +193,7 @@ def test_a_law_is_the_same_for_a_step_and_for_a_recording(
     for i in range(3, 1000, 50):
         data.qpos[:], data.qvel[:] = recording.position[i], recording.velocity[i]
         data.qacc[:], data.time = recording.acceleration[i], recording.time[i]
+        mujoco.mj_fwdPosition(model, data)
         data.qfrc_bias[ELBOW] = np.broadcast_to(motion.load, recording.time.shape)[i]
         if abs(recording.velocity[i, ELBOW]) > 0.2 * recording.top_speed[ELBOW]:
             step = effect.torque(

@@ -68,6 +68,7 @@ def test_an_industrial_robot_has_no_reflex(recording: Recording) -> None:
         "thixotropic_stiffness",
         "end_range_torque",
         "nonlinear_stiffness",
+        "gravity_torque",
     }
     assert {effect.name for effect in EFFECTS if effect.limb} == of_limbs
     assert not of_limbs & {c.effect.name for c in candidates(robot(recording))}

@@ -42,6 +42,17 @@ def test_a_load_takes_what_mujoco_says(name: str, motion: np.ndarray) -> None:
     assert torque @ point_mass(place) == pytest.approx(loaded - bare, abs=1e-6)
 
 
+def test_what_holds_a_joint_in_a_gravity_is_what_mujoco_says(motion: np.ndarray) -> None:
+    gravity = np.array([1.0, -2.0, 3.0])
+    still = np.stack([motion[0], *np.zeros_like(motion[1:])])
+    without, within = (mujoco.MjSpec.from_string(ARM) for _ in range(2))
+    without.option.gravity, within.option.gravity = np.zeros(3), gravity
+    needed = inverse(within, still) - inverse(without, still)
+    moving = chain_motion(mujoco.MjModel.from_xml_string(ARM), *motion)
+    held = np.stack([moving.weight(joint) @ gravity for joint in range(3)], axis=1)
+    assert held == pytest.approx(needed, abs=1e-9)
+
+
 def test_links_take_together_what_the_chain_takes(motion: np.ndarray) -> None:
     model = mujoco.MjModel.from_xml_string(ARM)
     moving = chain_motion(model, *motion)
