@@ -33,7 +33,8 @@ REFUSED_ELEMENTS = {
     "flexcomp": "a generator of bodies",
     "flex": "a deformable body",
 }
-
+#: What no body has less than nothing of, though MuJoCo lifts or ignores it in some places.
+NEVER_NEGATIVE = ("mass", "density", "diaginertia")
 #: Assets that only draw, or come from a file.
 DRAWN = ("mesh", "hfield", "texture", "material", "skin")
 
@@ -54,6 +55,7 @@ def load_device(session: Session) -> Device:
     except ValueError as error:
         raise _refused(error, session.model) from None
     _check_sizes(device.model, session.model)
+    _check_losses(device.model, session.model)
     kinds = {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}
     if any(mujoco.mjtJoint(joint_type) not in kinds for joint_type in joint_types):
         raise SessionError("may have hinge and slide joints only", file=session.model)
@@ -90,6 +92,24 @@ def _check_sizes(model: mujoco.MjModel, name: str) -> None:
             raise SessionError(why, file=name)
 
 
+def _check_losses(model: mujoco.MjModel, name: str) -> None:
+    """Refuse a joint that gains energy by moving, or has less inertia than none.
+
+    Raises:
+        SessionError: names the joint.
+    """
+    for word, numbers in (
+        ("damping", model.dof_damping),
+        ("frictionloss", model.dof_frictionloss),
+        ("armature", model.dof_armature),
+    ):
+        worst = int(np.argmin(numbers)) if len(numbers) else 0
+        if len(numbers) and numbers[worst] < 0.0:
+            joint = model.joint(int(model.dof_jntid[worst])).name[:60]
+            why = f"joint {joint!r} has {word}={numbers[worst]:g}; it cannot be below 0"
+            raise SessionError(why, file=name)
+
+
 def _known(name: str, names: tuple[str, ...], where: str) -> None:
     if name not in names:
         raise SessionError(
@@ -108,6 +128,7 @@ def _read_model(path: Path, name: str) -> mujoco.MjSpec:
         _prepare_urdf(root)
     else:
         _leave_out_drawing(root, name)
+    _check_masses(root, name)
     for element in root.iter():
         if element.tag in REFUSED_ELEMENTS:
             why = (
@@ -142,6 +163,31 @@ def _leave_out_drawing(root: ElementTree.Element, name: str) -> None:
                         "read; give it an <inertial>"
                     )
                     raise SessionError(why, file=name)
+
+
+def _check_masses(root: ElementTree.Element, name: str) -> None:
+    """Refuse a negative mass, which MuJoCo takes for none in a body without a joint of its own.
+
+    Raises:
+        SessionError: names the body that holds it.
+    """
+    for parent in root.iter():
+        for child in parent:
+            said = {key: child.get(key) for key in NEVER_NEGATIVE}
+            if child.tag == "mass":
+                said["mass"] = child.get("value")
+            for key, text in said.items():
+                if text is not None and any(_is_negative(word) for word in text.split()):
+                    owner = f"{parent.tag} {parent.get('name', '')[:60]!r}"
+                    why = f"<{child.tag}> of {owner} has {key}={text[:40]!r}; none is below 0"
+                    raise SessionError(why, file=name)
+
+
+def _is_negative(word: str) -> bool:
+    try:
+        return float(word) < 0.0
+    except ValueError:
+        return False
 
 
 def _is_mesh(geom: ElementTree.Element) -> bool:

@@ -186,6 +186,18 @@ BAD: dict[str, tuple[Spoil, str]] = {
         "'upper_arm' has places of 1e\\+99",
     ),
     "a link in micrograms": (model('mass="2"', 'mass="2e9"'), "has masses of 2e\\+09; .* in kg"),
+    "a link that weighs less than nothing": (
+        model(
+            "<inertial",
+            '<body name="hand"><inertial pos="0.1 0 0" mass="-1" diaginertia="1 1 1"/></body>'
+            "<inertial",
+        ),
+        "device.xml: <inertial> of body 'hand' has mass='-1'; none is below 0",
+    ),
+    "a damper that drives": (
+        model('name="elbow"', 'name="elbow" damping="-0.5"'),
+        "joint 'elbow' has damping=-0.5; it cannot be below 0",
+    ),
     "a crowd of bodies": (model("<worldbody>", "<worldbody>" + "<body/>" * 201), "at most 200"),
     "a time step of nothing": (
         model("<worldbody>", '<option timestep="nan"/><worldbody>'),

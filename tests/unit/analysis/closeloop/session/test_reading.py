@@ -263,7 +263,8 @@ def test_broken_json_is_found_by_line(folder: Folder) -> None:
         ('type="hinge"', 'type="ball"', "hinge and slide"),
         ("<mujoco", '<!DOCTYPE x [<!ENTITY a "b">]><mujoco', "entities"),
         ("</mujoco>", "", "not XML"),
-        ('mass="2"', 'mass="-2"', "MuJoCo refuses it"),
+        ('mass="2"', 'mass="0"', "MuJoCo refuses it"),
+        ('mass="2"', 'mass="-2"', "has mass='-2'; none is below 0"),
     ],
 )
 def test_a_model_that_reaches_out_or_is_no_chain_is_refused(
