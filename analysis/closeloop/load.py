@@ -14,6 +14,7 @@ from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.stretches import record
 from analysis.closeloop.session.trial_csv import read_trial
+from analysis.closeloop.turned import check_turned
 from analysis.closeloop.units import check_units
 from sim.effects.catalogue import BY_NAME
 
@@ -34,6 +35,7 @@ def load_session(folder: Path) -> Recording:
     check_copies(trials)
     recording = record(replace(session, trials=tuple(trials)), device)
     check_signs(recording)
+    check_turned(recording)
     check_units(recording)
     for trial in trials:
         check_torque(trial, device, session.limb_joints)

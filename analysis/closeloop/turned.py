@@ -1,0 +1,98 @@
+"""Whether one trial's angle or effort is counted the other way round than in the others."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.plausibility import LEAST_MOTION, unknown_columns
+from analysis.closeloop.session.recording import MOVING, Recording
+
+#: The others predict a turned trial worse than its own mean does, which leaves 1, and turned back
+#: they leave less than this share: a tenth is a poor model, and no effect nor posture comes near,
+#: for both have to hold.
+TURNED_LEAVES = 0.1
+
+
+def check_turned(recording: Recording) -> None:
+    """Refuse a session in which one trial's position or effort has the other trials' sign turned.
+
+    Declared torque, offset, stiffness, damping and friction of a joint are fitted to the other
+    trials. Two trials can only say that they disagree: the later one is named.
+
+    Raises:
+        SessionError: names the trial's file and the joint's column.
+    """
+    for joint in recording.joints:
+        table = _table(recording, joint)
+        suspects = [
+            (rows, coefficients)
+            for rows, coefficients in _predicted(recording, joint, table)
+            if _left(table[rows], coefficients) > 1.0
+        ]
+        if not suspects:
+            continue
+        name = recording.name(joint)
+        other = table * [*[1.0] * (table.shape[1] - 1), -1.0]
+        for turned, column in (
+            (_table(_mirrored(recording, joint), joint), "position"),
+            (other, "effort"),
+        ):
+            found = [
+                rows
+                for rows, coefficients in suspects
+                if _left(turned[rows], coefficients) < TURNED_LEAVES
+            ]
+            if found:
+                trial = recording.session.trials[int(recording.trial[found[-1]][0])]
+                also = " and velocity" if column == "position" else ""
+                why = (
+                    f"has in {trial.label} the other sign than in the other trials: turned round, "
+                    f"it is what they predict of {name}, and as recorded it is not; turn the sign "
+                    f"of {column}{also} there, or in the others"
+                )
+                raise SessionError(why, file=trial.file, column=f"{name}.{column}", line=2)
+
+
+def _table(recording: Recording, joint: int) -> np.ndarray:
+    """Return what a joint's effort is made of, and the effort itself, (n, 6)."""
+    columns = np.column_stack([recording.inverse[:, joint], unknown_columns(recording, joint)])
+    return np.column_stack([recording.filtered(columns), recording.effort[:, joint]])
+
+
+def _predicted(
+    recording: Recording, joint: int, table: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return each moving trial's rows, (n,), and what other trials of the fit say of it."""
+    known = recording.usable & np.isfinite(recording.effort[:, joint])
+    least, found = LEAST_MOTION * recording.rate, []
+    for number in range(len(recording.session.trials)):
+        rows = known & (recording.trial == number)
+        others = known & np.isin(recording.trial, [n for n in recording.fit_trials if n != number])
+        if min(rows.sum(), others.sum()) < least:
+            continue
+        if np.ptp(recording.position[rows, joint]) > MOVING:
+            own = table[others]
+            found.append((rows, np.linalg.lstsq(own[:, :-1], own[:, -1], rcond=1e-9)[0]))
+    return found
+
+
+def _left(table: np.ndarray, coefficients: np.ndarray) -> float:
+    """Return what a prediction leaves of an effort's variance."""
+    effort = table[:, -1]
+    spread = float(((effort - effort.mean()) ** 2).sum())
+    rest = effort - table[:, :-1] @ coefficients
+    return float(rest @ rest) / max(spread, 1e-300)
+
+
+def _mirrored(recording: Recording, joint: int) -> Recording:
+    """Return the recording with one joint's motion counted the other way round."""
+    sign = np.ones(recording.position.shape[1])
+    sign[joint] = -1.0
+    return replace(
+        recording,
+        position=recording.position * sign,
+        velocity=recording.velocity * sign,
+        acceleration=recording.acceleration * sign,
+        cache={},
+    )
