@@ -35,6 +35,8 @@ SLOW, WORKS = 0.1, 3.0
 MOST_TORQUE = 1200.0
 #: Share of samples that lie beyond: spikes are no unit.
 MOST_SHARE = 0.01
+#: Share of a declared range that a joint may go beyond it: stops give way, zeros are set by eye.
+BEYOND_RANGE = 0.1
 #: Least time that a motor moves its joint before the sign of its effort is judged, s.
 LEAST_MOTION = 1.0
 
@@ -77,6 +79,8 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
         position = trial.columns[f"{joint}.position"]
         if device.is_hinge(joint):
             _check_degrees(trial, device, joint, position, joint in limb_joints)
+        if note := _beyond_range(trial, device, joint, position):
+            trial = replace(trial, repairs=(*trial.repairs, note))
         velocity = trial.columns.get(f"{joint}.velocity")
         if velocity is not None:
             _check_stuck(trial, joint, position, velocity)
@@ -145,6 +149,29 @@ def works(effort: np.ndarray, time: np.ndarray) -> bool:
     slow = uniform_filter1d(effort, width)[::width]
     drift = siegelslopes(slow).slope * np.arange(len(slow))
     return bool(median_abs_deviation(slow - drift, scale="normal") > WORKS * max(noise, digit))
+
+
+def _beyond_range(trial: Trial, device: Device, joint: str, position: np.ndarray) -> str:
+    """Return what to say of positions outside of the declared range; empty if they are inside.
+
+    Raises:
+        SessionError: most of a movement is outside: its zero, its sign or the range is wrong.
+    """
+    low, high = device.range(joint)
+    slack = BEYOND_RANGE * (high - low)
+    beyond = (position < low - slack) | (position > high + slack)
+    share = float(np.mean(beyond)) if high > low else 0.0
+    unit = device.angle_unit(joint)
+    where = f"the range that the model declares, {low:.3g} to {high:.3g} {unit}"
+    if share > 0.5 and np.ptp(position) > MOVING:
+        row = int(np.argmax(beyond))
+        why = (
+            f"is {position.min():.3g} to {position.max():.3g} {unit}, most of it outside of "
+            f"{where}; mend the range (angles of MJCF are in degrees unless its compiler has "
+            'angle="radian"), or the zero or sign of the column'
+        )
+        raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
+    return f"{share:.1%} of {joint}.position is outside of {where}" if share > 0.0 else ""
 
 
 def _check_degrees(

@@ -234,6 +234,10 @@ BAD: dict[str, tuple[Spoil, str]] = {
         csv_text(lambda t: line_of(t, 12, lambda c: ['"0,5"', *c[1:]])),
         "a.csv, column time, line 12: holds '0,5'",
     ),
+    "a range in degrees that is meant in radians": (
+        model('name="elbow"', 'name="elbow" limited="true" range="-0.1 0.04"'),
+        "column elbow.position, line 2: is .* most of it outside of the range that the model",
+    ),
     "NaN": (
         csv_text(lambda t: line_of(t, 12, lambda c: [*c[:-1], "NaN"])),
         "a.csv, column elbow.effort, line 12: holds nan",

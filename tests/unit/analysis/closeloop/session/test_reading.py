@@ -294,3 +294,13 @@ def test_an_ignored_joint_needs_no_column(folder: Folder) -> None:
     folder.header = HEADER.replace("shoulder.position", "other")
     recording = load_session(folder.write())
     assert recording.device.recorded_joints == ("elbow",)
+
+
+def test_a_movement_that_goes_a_little_beyond_its_declared_range_is_a_warning(
+    folder: Folder,
+) -> None:
+    folder.model = folder.model.replace(
+        'name="elbow"', 'name="elbow" limited="true" range="0.9 2.5"'
+    )
+    (trial,) = load_session(folder.write()).session.trials
+    assert any("of elbow.position is outside of the range" in line for line in trial.repairs)
