@@ -6,6 +6,7 @@ The map says in which lines or columns the signals stand and how their numbers b
 
 import csv
 import io
+import re
 from collections.abc import Iterator, Mapping
 from math import isfinite, pi
 from pathlib import Path
@@ -219,6 +220,14 @@ def _parsed(cell: str, name: str, file: str, line: int) -> float:
     try:
         return float(cell)
     except ValueError:
-        raise SessionError(
-            f"holds {cell.strip()[:40]!r}, not a number", file=file, column=name, line=line
-        ) from None
+        raise no_number(cell, name, file, line) from None
+
+
+def no_number(cell: str, name: str, file: str, line: int) -> SessionError:
+    """Return the error for a cell that holds no number; a decimal comma is told what it is."""
+    shown = cell.strip()[:40]
+    why = f"holds {shown!r}, not a number"
+    if re.fullmatch(r"[-+]?\d+,\d+([eE][-+]?\d+)?", shown):
+        right = shown.replace(",", ".")
+        why = f"holds {shown!r}, with a decimal comma; write decimals with a point, as {right}"
+    return SessionError(why, file=file, column=name, line=line)

@@ -13,6 +13,7 @@ from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import MAX_HINGE, Device
 from analysis.closeloop.session.recording import MOVING, Recording
 from analysis.closeloop.session.runs import saturated_line
+from analysis.closeloop.session.stretches import GAP_STEPS
 
 #: A hinge that may turn for ever is recorded in degrees if it turns faster than that, rad/s: no
 #: robot's joint does 600 turns a minute.
@@ -37,6 +38,9 @@ MOST_TORQUE = 1200.0
 MOST_SHARE = 0.01
 #: Share of a declared range that a joint may go beyond it: stops give way, zeros are set by eye.
 BEYOND_RANGE = 0.1
+#: A step between two samples is an encoder's that wraps if it is so near to 2 pi, rad, and all
+#: others are shorter than this: degrees of a fast joint have steps of every length.
+NEAR_TURN = 0.5
 #: Least time that a motor moves its joint before the sign of its effort is judged, s.
 LEAST_MOTION = 1.0
 
@@ -78,6 +82,7 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
     for joint in device.recorded_joints:
         position = trial.columns[f"{joint}.position"]
         if device.is_hinge(joint):
+            _check_wraps(trial, joint, position)
             _check_degrees(trial, device, joint, position, joint in limb_joints)
         if note := _beyond_range(trial, device, joint, position):
             trial = replace(trial, repairs=(*trial.repairs, note))
@@ -149,6 +154,22 @@ def works(effort: np.ndarray, time: np.ndarray) -> bool:
     slow = uniform_filter1d(effort, width)[::width]
     drift = siegelslopes(slow).slope * np.arange(len(slow))
     return bool(median_abs_deviation(slow - drift, scale="normal") > WORKS * max(noise, digit))
+
+
+def _check_wraps(trial: Trial, joint: str, position: np.ndarray) -> None:
+    """Refuse positions that jump by a turn from one sample to the next."""
+    clock = np.diff(trial.time)
+    # In a gap a joint may turn as far as it likes.
+    steps = np.where(clock > GAP_STEPS * float(np.median(clock)), 0.0, np.abs(np.diff(position)))
+    jumps = np.abs(steps - 2.0 * np.pi) < NEAR_TURN
+    if jumps.any() and steps[~jumps].max(initial=0.0) < NEAR_TURN:
+        row = int(np.argmax(jumps)) + 1
+        why = (
+            f"jumps from {position[row - 1]:.4g} to {position[row]:.4g} rad, by about 2 pi, from "
+            "one sample to the next: the encoder wraps; let the angle go on beyond it without the "
+            "jump, as numpy.unwrap does"
+        )
+        raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
 
 
 def _beyond_range(trial: Trial, device: Device, joint: str, position: np.ndarray) -> str:

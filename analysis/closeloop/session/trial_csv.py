@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.session.columns import check_width, csv_lines, translated
+from analysis.closeloop.session.columns import (
+    check_width,
+    csv_lines,
+    no_number,
+    translated,
+)
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.files import read_text
 
@@ -75,7 +80,11 @@ def _own_table(
     except csv.Error as error:
         raise SessionError(f"has no header of a CSV file: {error}", file=file, line=1) from None
     if len(names) == 1 and (";" in header or "\t" in header):
-        raise SessionError("separate columns by commas and decimals by points", file=file, line=1)
+        why = (
+            "separate columns by commas and decimals by points, or name the separator in columns "
+            "of session.json; decimals need a point there, too"
+        )
+        raise SessionError(why, file=file, line=1)
     _check_header(names, file, joints, declared)
     return names, *_numbers(body, names, file)
 
@@ -145,8 +154,7 @@ def _numbers(body: str, names: list[str], file: str) -> tuple[np.ndarray, np.nda
             try:
                 float(cell)
             except ValueError:
-                why = f"holds {cell.strip()[:40]!r}, not a number in SI units"
-                raise SessionError(why, file=file, column=name, line=number) from None
+                raise no_number(cell, name, file, number) from None
         rows.append([float(cell) for cell in cells])
         lines.append(number)
     if empty:

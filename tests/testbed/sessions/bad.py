@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,28 @@ def line_of(text: str, number: int, change: Callable[[list[str]], list[str]]) ->
     lines = text.split("\n")
     lines[number - 1] = ",".join(change(lines[number - 1].split(",")))
     return "\n".join(lines)
+
+
+def decimal_commas(path: Path) -> None:
+    """Write numbers as much of Europe does, and say which separator is used."""
+
+    def change(text: str) -> str:
+        header, _, body = text.partition("\n")
+        return header.replace(",", ";") + "\n" + body.replace(",", ";").replace(".", ",")
+
+    csv_text(change)(path)
+    names = {name: name for name in HEADER.split(",")}
+    words(columns={"separator": "semicolon", "map": names})(path)
+
+
+def wrapped(text: str) -> str:
+    """Take a turn from every angle of the elbow from the twelfth line on."""
+    lines = text.rstrip("\n").split("\n")
+    for number in range(11, len(lines)):
+        cells = lines[number].split(",")
+        cells[2] = f"{float(cells[2]) - 2 * pi:.7g}"
+        lines[number] = ",".join(cells)
+    return "\n".join(lines) + "\n"
 
 
 def copied(name: str, trial: str) -> Spoil:
@@ -232,7 +255,15 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "a short line": (csv_text(lambda t: line_of(t, 12, lambda c: c[:-1])), "line 12: has 4 cells"),
     "a decimal comma": (
         csv_text(lambda t: line_of(t, 12, lambda c: ['"0,5"', *c[1:]])),
-        "a.csv, column time, line 12: holds '0,5'",
+        "a.csv, column time, line 12: holds '0,5', with a decimal comma; .* as 0.5",
+    ),
+    "decimal commas under a declared separator": (
+        decimal_commas,
+        "with a decimal comma; write decimals with a point",
+    ),
+    "an encoder that wraps": (
+        csv_text(lambda t: wrapped(t)),
+        "column elbow.position, line 12: jumps from .* by about 2 pi, .* the encoder wraps",
     ),
     "a range in degrees that is meant in radians": (
         model('name="elbow"', 'name="elbow" limited="true" range="-0.1 0.04"'),
