@@ -70,16 +70,41 @@ def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
 
     A coefficient that would leave its bound is held there (an active set that only grows).
     """
-    size = len(gram) - 1
-    free = list(range(size))
-    scale = _sizes(gram.diagonal()[:size])
-    every = gram[:size, :size] / (scale[:, None] * scale)
-    every.flat[:: size + 1] += 1e-10
-    moments = gram[:size, size] / scale
-    coefficients = np.zeros(size)
+    return np.asarray(solve_each(gram[None], lower)[0])
+
+
+def solve_each(grams: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """As `solve`, of many Gram matrices, (parts, n + 1, n + 1); returns (parts, n).
+
+    Most leave no bound, and those are solved together: one by one, most of the time goes into
+    calling NumPy, not into arithmetic.
+    """
+    size = grams.shape[1] - 1
+    scale = _sizes(np.diagonal(grams, axis1=1, axis2=2)[:, :size])
+    every = grams[:, :size, :size] / (scale[:, :, None] * scale[:, None, :])
+    every[:, range(size), range(size)] += 1e-10
+    moments = grams[:, :size, size] / scale
+    found = np.linalg.solve(every, moments[:, :, None])[:, :, 0] / scale
+    for number in np.flatnonzero((found < lower).any(axis=1)):
+        found[number] = _held(every[number], moments[number], scale[number], lower, found[number])
+    return np.asarray(found)
+
+
+def _held(
+    every: np.ndarray, moments: np.ndarray, scale: np.ndarray, lower: np.ndarray, found: np.ndarray
+) -> np.ndarray:
+    """Return a fit's coefficients with those at their bounds that would leave them.
+
+    Args:
+        every: the scaled Gram matrix.
+        moments: of the scaled columns with the target.
+        scale: what the columns were divided by.
+        lower: the bounds.
+        found: the coefficients without bounds.
+    """
+    free = list(range(len(lower)))
+    coefficients = np.zeros(len(lower))
     while free:
-        part = every if len(free) == size else every[np.ix_(free, free)]
-        found = np.linalg.solve(part, moments[free]) / scale[free]
         below = {i: value - lower[i] for i, value in zip(free, found, strict=True)}
         broken = [i for i, distance in below.items() if distance < 0.0]
         if not broken:
@@ -89,6 +114,7 @@ def solve(gram: np.ndarray, lower: np.ndarray) -> np.ndarray:
         coefficients[worst] = lower[worst]
         moments = moments - every[:, worst] * scale[worst] * lower[worst]
         free.remove(worst)
+        found = np.linalg.solve(every[np.ix_(free, free)], moments[free]) / scale[free]
     return coefficients
 
 
@@ -100,3 +126,14 @@ def misfit(gram: np.ndarray, coefficients: np.ndarray) -> float:
         - 2 * coefficients @ gram[:size, size]
         + coefficients @ gram[:size, :size] @ coefficients
     )
+
+
+def fits_without_each(grams: np.ndarray, lower: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    """Return the fits without each of the parts, (parts, n, n), and last that to all of them.
+
+    Each has its coefficients and the sum of squares that it leaves.
+    """
+    total = grams.sum(axis=0)
+    wanted = np.concatenate([total - grams, total[None]])
+    fits = solve_each(wanted, lower)
+    return [(fit, misfit(gram, fit)) for gram, fit in zip(wanted, fits, strict=True)]

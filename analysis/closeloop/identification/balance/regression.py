@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import rankdata
 
-from analysis.closeloop.identification.balance.least_squares import gram_matrices, misfit, solve
+from analysis.closeloop.identification.balance.least_squares import fits_without_each, gram_matrices
 from analysis.closeloop.session.recording import Recording
 
 #: Length over which the losses of a comparison are averaged before their spread is taken, s.
@@ -289,30 +289,21 @@ def score(
         grams.append(gram_matrices(table, folds))
         own = [lower[min(i, len(lower) - 1)] for i in variant.kept]
         bounds.append(np.concatenate([base_lower, own]))
-    totals = [gram.sum(axis=0) for gram in grams]
+    fits = [fits_without_each(own, bound) for own, bound in zip(grams, bounds, strict=True)]
     residual = np.zeros(len(target))
     for number, fold in enumerate(folds):
-        others = [total - gram[number] for total, gram in zip(totals, grams, strict=True)]
-        best, coefficients, _ = _best_fit(others, bounds)
+        best, coefficients, _ = _best_fit([fit[number] for fit in fits])
         table = np.column_stack([base[fold], variants[best].columns[fold]])
         residual[fold] = target[fold] - table @ coefficients
-    best, coefficients, sse = _best_fit(totals, bounds)
-    return Score(
-        variant=variants[best],
-        coefficients=coefficients,
-        losses=np.bincount(rows.block, residual**2),
-        sse=sse,
-    )
+    best, coefficients, sse = _best_fit([fit[-1] for fit in fits])
+    losses = np.bincount(rows.block, residual**2)
+    return Score(variant=variants[best], coefficients=coefficients, losses=losses, sse=sse)
 
 
-def _best_fit(
-    grams: Sequence[np.ndarray], bounds: Sequence[np.ndarray]
-) -> tuple[int, np.ndarray, float]:
+def _best_fit(fits: Sequence[tuple[np.ndarray, float]]) -> tuple[int, np.ndarray, float]:
     """Return which of several fits leaves least, its coefficients and its sum of squares."""
-    fits = [solve(gram, bound) for gram, bound in zip(grams, bounds, strict=True)]
-    left = [misfit(gram, fit) for gram, fit in zip(grams, fits, strict=True)]
-    best = min(range(len(left)), key=lambda number: left[number])
-    return best, fits[best], left[best]
+    best = min(range(len(fits)), key=lambda number: fits[number][1])
+    return best, *fits[best]
 
 
 def compare(worse: np.ndarray, better: np.ndarray) -> tuple[float, float]:

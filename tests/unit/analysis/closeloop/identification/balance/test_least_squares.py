@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.balance.least_squares import (
+    fits_without_each,
     gram_matrices,
     inverse_of,
     keep_independent,
@@ -52,6 +53,36 @@ def test_a_bounded_coefficient_stays_at_a_bound_below_zero_and_the_others_allow_
     held = solve(gram, np.array([-np.inf, -0.7]))
     rest = target + 0.7 * x[:, 1]
     assert held == pytest.approx([float(x[:, 0] @ rest / (x[:, 0] @ x[:, 0])), -0.7])
+
+
+def test_fits_without_each_part_are_those_that_are_solved_one_by_one() -> None:
+    rng = np.random.default_rng(4)
+    table = rng.standard_normal((120, 4))
+    table[:, 3] = table[:, :3] @ [2.0, 0.1, -0.1] + rng.standard_normal(120)
+    grams = gram_matrices(table, np.arange(120).reshape(12, 10))
+    lower = np.array([-np.inf, 0.0, 0.0])
+    *without, whole = fits_without_each(grams, lower)
+    total = grams.sum(axis=0)
+    held = 0
+    for gram, (fit, left) in zip([*(total - grams), total], [*without, whole], strict=True):
+        alone = solve(gram, lower)
+        held += int(np.any(alone[1:] == 0.0))
+        assert fit.tolist() == alone.tolist()
+        free = np.flatnonzero(alone != 0.0)
+        unbound = np.linalg.solve(gram[np.ix_(free, free)], gram[free, 3])
+        # The ridge is 1e-10 of a column.
+        assert fit[free] == pytest.approx(unbound, abs=1e-8)
+        residual = np.append(-fit, 1.0)
+        assert left == pytest.approx(residual @ gram @ residual)
+    assert 0 < held < len(grams) + 1 == len(without) + 1
+
+
+def test_where_every_coefficient_is_held_or_there_is_none_nothing_is_solved() -> None:
+    table = np.random.default_rng(5).standard_normal((60, 1)) @ [[1.0, 1.0, -3.0]]
+    gram = table.T @ table
+    assert solve(gram, np.zeros(2)).tolist() == [0.0, 0.0]
+    ((fit, left),) = fits_without_each(gram[None, 2:, 2:], np.empty(0))[1:]
+    assert len(fit) == 0 and left == gram[2, 2]
 
 
 def test_a_column_of_one_part_alone_is_exactly_zero_without_it() -> None:
