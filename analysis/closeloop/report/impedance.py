@@ -17,6 +17,7 @@ from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.findings import TELLING, Outcome, Trace
 from analysis.closeloop.judgement.agreement import APART, alternatives
+from analysis.closeloop.report.separating import separating_trial
 
 #: Effects that are listed of those that could move a stiffness.
 MAX_HIDDEN = 5
@@ -116,7 +117,7 @@ def identified_entries(outcome: Outcome) -> dict[str, Any]:
                     "effect": one.effect.name,
                     "by": one.by,
                     "relative": one.by / max(stiffness, 1e-300),
-                    "separating_trial": one.effect.separating_trial,
+                    "separating_trial": separating_trial(recording, joint, one.effect),
                 }
                 for one in hidden[:MAX_HIDDEN]
             ],

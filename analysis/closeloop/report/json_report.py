@@ -24,6 +24,7 @@ from analysis.closeloop.report.named import (
     without_value,
 )
 from analysis.closeloop.report.plain import CONVENTION, finite, session_entry
+from analysis.closeloop.report.separating import separating_trial
 from analysis.closeloop.report.shared import (
     link_values,
     of_unnamed_loads,
@@ -119,9 +120,10 @@ def advice(outcome: Outcome) -> list[str]:
     found, verdict, recording = outcome.trace, outcome.verdict, outcome.trace.rows.recording
     lines = untouched(recording, outcome.events)
     for step in found.steps:
-        effect = step.taken.candidate.effect
+        taken = step.taken.candidate
         if step.equals or verdict == Verdict.NOT_IDENTIFIABLE:
-            lines.append(f"To tell {effect.name} from what looks alike: {effect.separating_trial}.")
+            trial = separating_trial(recording, taken.joint, taken.effect)
+            lines.append(f"To tell {taken.effect.name} from what looks alike: {trial}.")
     if verdict == Verdict.NOT_IDENTIFIABLE:
         lines.append(
             "Record the movement to and fro, at two or more speeds, with every speed as its own "

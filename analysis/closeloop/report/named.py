@@ -17,6 +17,7 @@ from analysis.closeloop.identification.balance.model import (
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
 from analysis.closeloop.identification.findings import Trace
+from analysis.closeloop.report.separating import separating_trial
 from analysis.closeloop.report.shared import link_parameters
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
@@ -58,7 +59,11 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
                     ).items()
                 },
                 "indistinguishable_from": others,
-                "separating_trial": effect.separating_trial if others or not named else None,
+                "separating_trial": (
+                    separating_trial(recording, step.taken.candidate.joint, effect)
+                    if others or not named
+                    else None
+                ),
                 "evidence": {
                     "holdout_gain": step.share(step.taken),
                     "p_value": step.p_value,
