@@ -135,9 +135,12 @@ def advice(outcome: Outcome) -> list[str]:
         )
     pushed_only = found.verdict != Verdict.UNEXPLAINED and not left_beside_events(outcome)
     if verdict == Verdict.UNEXPLAINED and not pushed_only:
+        more = (
+            "EMG, temperature, the limb's own angle" if recording.limbs else "temperature, currents"
+        )
         lines.append(
             "No catalogued effect explains what is left; `unexplained` says on which recorded "
-            "signals it depends. Record more there (EMG, temperature, the limb's own angle)."
+            f"signals it depends. Record more there ({more})."
         )
     return lines
 

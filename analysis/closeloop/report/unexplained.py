@@ -103,11 +103,14 @@ def event_entries(recording: Recording, events: Sequence[Event]) -> list[dict[st
 
 
 def untouched(recording: Recording, events: Sequence[Event]) -> list[str]:
-    """Return what to do about events: repeat their trials with nobody near."""
+    """Return what to do about events: repeat their trials with nobody near but whose limb it is."""
     files = dict.fromkeys(recording.session.trials[event.trial].file for event in events)
+    nobody = "nothing and nobody touching the robot"
+    if recording.limbs:
+        nobody = "the limb relaxed, and nothing and nobody else touching the robot"
     return [
-        f"Repeat {file} with nothing and nobody touching the robot; `unexplained` says when there "
-        "was a torque that does not come back."
+        f"Repeat {file} with {nobody}; `unexplained` says when there was a torque that does not "
+        "come back."
         for file in files
     ]
 
