@@ -105,7 +105,7 @@ class JointStiffness(Law):
 
 
 class NonlinearStiffness(Law):
-    """A hardening spring: K3 (q - c)^3."""
+    """A spring that hardens, or softens if K3 is below 0: K3 (q - c)^3."""
 
     limb = True
     name = "nonlinear_stiffness"
@@ -116,7 +116,9 @@ class NonlinearStiffness(Law):
     separating_trial = "move slowly through a wider range, both ways"
     owner = "human"
     parameters = named(
-        cubic_stiffness=size("Nm/rad3", 5.0, "hardening of the limb's joint", low=-5.0),
+        cubic_stiffness=size(
+            "Nm/rad3", 5.0, "hardening of the limb's joint; below 0 it softens", low=-5.0
+        ),
         centre=Parameter("rad", "angle without torque", 0.5, 1.5, neutral=1.0, in_joint_frame=True),
     )
     coefficients = ("cubic_stiffness",)
