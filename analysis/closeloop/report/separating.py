@@ -11,11 +11,13 @@ LITTLE_WEIGHT = 0.1
 #: What effects are told apart by where a mass hangs in vain: a known pull instead of a weight.
 HELD = "hold it still against two known weights that pull level over a pulley"
 MOVED = "repeat one movement against two known weights that pull level over a pulley"
+#: A mass tells inertia from a gain; only weight tells a load from a motor's inertia.
+TILTED = "repeat one movement with a known mass attached, and once with the axis tilted"
 #: Effects whose own trial needs gravity at their joint.
 WEIGHED = {
     "torque_gain": HELD,
-    "payload": "repeat one movement with a known mass attached, and with none",
-    "added_inertia": "repeat one movement with a known mass attached, and with none",
+    "payload": TILTED,
+    "added_inertia": TILTED,
     "load_dependent_friction": MOVED,
     "stribeck_load_friction": MOVED,
     "directional_load_friction": MOVED,
