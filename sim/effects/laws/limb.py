@@ -260,9 +260,10 @@ class Structure:
 
 
 class CrossJointCoupling(Law):
-    """Torque at one joint from the position and velocity of its neighbour.
+    """Torque at one joint from the position and velocity of another.
 
-    As of a spring, nobody knows beforehand where it is without torque.
+    As of a spring, nobody knows beforehand where it is without torque. A tendon or a belt may pass
+    over joints between, so every other joint that moves is asked.
     """
 
     name = "cross_joint_coupling"
@@ -271,12 +272,13 @@ class CrossJointCoupling(Law):
     separating_trial = "move the neighbouring joint alone while this one is held"
     includes = ("torque_offset",)
     parameters = named(
-        stiffness=Parameter("Nm/rad", "over the neighbour's position"),
-        damping=Parameter("Nm s/rad", "over the neighbour's velocity"),
-        torque_at_zero=Parameter("Nm", "what the motor adds at the neighbour's position 0"),
-        other_dof=Parameter("1", "number of the neighbour"),
+        stiffness=Parameter("Nm/rad", "over the other's position"),
+        damping=Parameter("Nm s/rad", "over the other's velocity"),
+        torque_at_zero=Parameter("Nm", "what the motor adds at the other's position 0"),
+        other_dof=Parameter("1", "number of the other joint"),
     )
     coefficients = ("stiffness", "damping", "torque_at_zero")
+    nonlinear = (Nonlinear("other_dof"),)
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         position, velocity = motion.other(int(parameters["other_dof"]))
@@ -284,16 +286,13 @@ class CrossJointCoupling(Law):
         return elastic + parameters["damping"] * velocity
 
     def applies(self, recording: Recording, joint: int) -> bool:
-        return neighbour(recording, joint) is not None
+        return bool(_others(recording, joint))
 
-    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        other = neighbour(joint.recording, joint.number)
-        assert other is not None
-        return {"other_dof": float(other)}
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        return [{"other_dof": float(other)} for other in _others(joint.recording, joint.number)]
 
 
-def neighbour(recording: Recording, joint: int) -> int | None:
-    """Return the joint before or after in the chain that is recorded moving, or None."""
-    moving = np.ptp(recording.position, axis=0) > 5e-3
-    others = [j for j in range(len(moving)) if j != joint and moving[j]]
-    return min(others, key=lambda j: abs(j - joint)) if others else None
+def _others(recording: Recording, joint: int) -> list[int]:
+    """Return the other joints that are recorded moving, the nearest in the chain first."""
+    moving = np.flatnonzero(np.ptp(recording.position, axis=0) > 5e-3)
+    return sorted((int(j) for j in moving if j != joint), key=lambda j: abs(j - joint))

@@ -52,20 +52,27 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     ),
     "thixotropic_stiffness": ({"recovery": 1.5, "distance": 0.5}, (3.0, -2.5)),
     "drift": ({"level_off": 0.6}, (0.3, 0.5)),
-    "cross_joint_coupling": ({}, (2.0, 0.4, -0.6)),
+    "cross_joint_coupling": ({"other_dof": 0.0}, (2.0, 0.4, -0.6)),
 }
 
 
 def rich_recording(seconds: int = 5) -> Recording:
     """Both joints of the arm in rich motion, 5 s at 200 Hz unless more is wanted."""
+    return swung(mjcf(Arm()), (-0.5, 1.0), (0.7, 0.4), seconds)
+
+
+def swung(
+    model: str, centre: tuple[float, ...], frequencies_hz: tuple[float, ...], seconds: int = 5
+) -> Recording:
+    """Every joint of a model swings about its centre, at 200 Hz."""
     t = np.arange(200 * seconds) / 200.0
-    w = 2 * np.pi * np.array([0.7, 0.4])
-    q = np.array([-0.5, 1.0]) + 0.4 * np.sin(t[:, None] * w)
+    w = 2 * np.pi * np.array(frequencies_hz)
+    q = np.array(centre) + 0.4 * np.sin(t[:, None] * w)
     v = 0.4 * w * np.cos(t[:, None] * w)
     a = -0.4 * w**2 * np.sin(t[:, None] * w)
     trial = Trial(file="a.csv", label="a", group="a", role="fit")
     return Recording(
-        device=Device(mujoco.MjSpec.from_string(mjcf(Arm())), ()),
+        device=Device(mujoco.MjSpec.from_string(model), ()),
         session=Session(folder=Path(), model="device.xml", limb_joints=("elbow",), trials=(trial,)),
         sampling=Sampling(recorded=200.0, working=200.0, cutoff=20.0),
         slices=[slice(0, len(t))],
@@ -78,7 +85,7 @@ def rich_recording(seconds: int = 5) -> Recording:
         measured=np.ones(len(t)),
         extra=np.empty((len(t), 0)),
         extra_names=(),
-        joints=(0, 1),
+        joints=tuple(range(len(centre))),
         fit_trials=(0,),
     )
 

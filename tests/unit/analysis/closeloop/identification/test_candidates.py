@@ -22,7 +22,13 @@ from analysis.closeloop.identification.candidates import (
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, EFFECTS
 from sim.effects.effect import Theta
-from tests.testbed.sessions.rich import ELBOW, TRUTH, torque
+from tests.testbed.sessions.rich import ELBOW, TRUTH, swung, torque
+
+#: Three joints about parallel axes.
+CHAIN = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
+<body pos=".2 0 0"><joint name="b" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
+<body pos=".2 0 0"><joint name="c" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
+</body></body></body></worldbody></mujoco>"""
 
 
 @pytest.mark.parametrize("name", [effect.name for effect in EFFECTS])
@@ -114,3 +120,17 @@ def test_no_effect_loses_to_another_by_the_grain_of_its_grid(recording: Recordin
     assert best.candidate.effect.name == "nonlinear_stiffness"
     assert best.theta["centre"] == pytest.approx(middle + 0.06 * half, abs=0.02 * half)
     assert best.score.loss < 1.5 * len(rows.weight)
+
+
+@pytest.mark.parametrize(("joint", "other"), [(0, 2), (2, 0), (1, 2), (1, 0)])
+def test_a_coupling_is_found_to_whichever_joint_it_is(joint: int, other: int) -> None:
+    """A tendon may pass over the joint between."""
+    moving = swung(CHAIN, (0.2, 0.4, -0.3), (0.7, 0.4, 0.55))
+    effort = np.array(moving.inverse)
+    effort[:, joint] += 2.0 * moving.position[:, other] + 0.1 * moving.velocity[:, other]
+    measured = replace(moving, effort=moving.filtered(effort), cache={})
+    rows, model = select_rows(measured, (0,)), Model(measured)
+    coupling = Candidate(effect=BY_NAME["cross_joint_coupling"], joint=joint)
+    (option,) = options_beside(model, rows, evaluate(model, rows), [coupling])
+    assert option.theta["other_dof"] == other
+    assert option.gain > 0.99 * evaluate(model, rows).loss
