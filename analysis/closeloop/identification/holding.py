@@ -74,7 +74,7 @@ def _least_sure(grown: Grown, rows: Rows) -> Step | None:
     own = [s for s in grown.steps if s.key[0] != LINK_INERTIA and not _placed(s)]
     if not own:
         return None
-    fits = leave_out(grown.model, rows, grown.score.coefficients)
+    fits = leave_out(grown.model, rows, grown.score.coefficients, form_free=False)
     sure = {
         step.key: surely_there(fits, grown.model, grown.score.coefficients, step.taken.candidate)
         for step in own
