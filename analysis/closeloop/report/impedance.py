@@ -102,15 +102,22 @@ def impedance_entries(found: Trace) -> dict[str, Any]:
     return entries
 
 
-def identified_entries(outcome: Outcome) -> dict[str, Any]:
-    """Return whether each joint's stiffness is identified, and what could move it how far."""
+def identified_entries(outcome: Outcome, impedance: Mapping[str, Any]) -> dict[str, Any]:
+    """Return whether each joint's stiffness is identified, and what could move it how far.
+
+    It is not where names that explain the trials alike move it apart.
+
+    Args:
+        outcome: of the session.
+        impedance: of every joint, as `impedance_entries` has it.
+    """
     recording = outcome.trace.rows.recording
     values = impedances(*outcome.trace.fits[1])
     entries: dict[str, Any] = {}
     for joint, hidden in outcome.hidden.items():
         name, stiffness = recording.name(joint), abs(values[joint]["stiffness"])
         entries[name] = {
-            "stiffness": outcome.identified(joint),
+            "stiffness": outcome.identified(joint) and not _apart(impedance[name], TELLING),
             "unit": f"{recording.device.unit(name)}/{recording.device.angle_unit(name)}",
             "could_move": [
                 {
@@ -135,10 +142,11 @@ def not_identified(entries: Mapping[str, Any]) -> list[str]:
                 for one in entry["could_move"]
                 if one["relative"] > TELLING
             )
-            lines.append(
-                f"these trials do not identify the stiffness of {joint}: unseen in them, {said} "
-                "could move it"
-            )
+            if said:
+                lines.append(
+                    f"these trials do not identify the stiffness of {joint}: unseen in them, "
+                    f"{said} could move it"
+                )
     return lines
 
 
@@ -157,12 +165,7 @@ def undecided(entries: Mapping[str, Any]) -> list[str]:
     lines = []
     for joint, values in entries.items():
         entry = values["stiffness"]
-        apart = {
-            name: value
-            for name, value in entry.get("after_if", {}).items()
-            if abs(value - entry["after"]) > APART * abs(entry["after"])
-        }
-        if apart:
+        if apart := _apart(values, APART):
             said = ", ".join(f"{value:.3g} if it is {name}" for name, value in apart.items())
             given = "if nothing is repaired" if entry["after"] == entry["before"] else FIRST
             lines.append(
@@ -170,6 +173,16 @@ def undecided(entries: Mapping[str, Any]) -> list[str]:
                 f"{said}; its interval holds them all"
             )
     return lines
+
+
+def _apart(impedance: Mapping[str, Any], share: float) -> dict[str, float]:
+    """Return the stiffness under the names by which it differs by more than a share of it."""
+    entry = impedance["stiffness"]
+    return {
+        name: value
+        for name, value in entry.get("after_if", {}).items()
+        if abs(value - entry["after"]) > share * abs(entry["after"])
+    }
 
 
 def off_by_form(found: Trace, entries: Mapping[str, Any]) -> list[str]:

@@ -46,7 +46,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
     recording = found.rows.recording
     effects, impedance = effect_entries(found), impedance_entries(found)
     declared = declared_entries(found) + payload_entries(found.fits, found.rows)
-    identified = identified_entries(outcome)
+    identified = identified_entries(outcome, impedance)
     unnamed = unnamed_load_entries(recording, outcome.loads)
     warnings = list(found.notes)
     if outcome.left_out:

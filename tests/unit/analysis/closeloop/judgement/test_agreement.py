@@ -1,6 +1,7 @@
 """A stiffness moves as far as every explanation of the trials says, and no further."""
 
 from dataclasses import replace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -16,9 +17,14 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.explainable import explainable
-from analysis.closeloop.identification.findings import Option, Step, Trace
+from analysis.closeloop.identification.findings import Option, Outcome, Step, Trace
 from analysis.closeloop.judgement.agreement import agreed
-from analysis.closeloop.report.impedance import impedance_entries, undecided
+from analysis.closeloop.report.impedance import (
+    identified_entries,
+    impedance_entries,
+    not_identified,
+    undecided,
+)
 from sim.effects.catalogue import BY_NAME, VISCOELASTIC
 from tests.testbed.sessions.rich import ELBOW, rich_elbow
 
@@ -86,6 +92,21 @@ def test_names_that_move_a_stiffness_different_ways_repair_nothing(rows: Rows) -
 def test_names_that_agree_on_a_stiffness_repair_it(rows: Rows) -> None:
     found = agreed(traced(rows, "coulomb_friction", "stribeck_friction"))
     assert found.verdict == Verdict.EFFECT_FOUND and found.supposed is None
+
+
+@pytest.mark.parametrize(
+    ("names", "identified"),
+    [(("coulomb_friction", "torque_offset"), True), (("added_inertia", "torque_gain"), False)],
+)
+def test_a_stiffness_that_equal_names_move_apart_is_not_identified(
+    names: tuple[str, str], identified: bool, rows: Rows
+) -> None:
+    found = agreed(traced(rows, *names))
+    nothing_hides = MagicMock(spec=Outcome, trace=found, hidden={ELBOW: ()})
+    nothing_hides.identified.return_value = True
+    entries = identified_entries(nothing_hides, impedance_entries(found))
+    assert entries["elbow"]["stiffness"] is identified
+    assert not_identified(entries) == []
 
 
 def test_of_names_that_move_a_stiffness_one_way_the_one_that_moves_it_least_repairs(
