@@ -216,7 +216,7 @@ def _best(
     base, base_lower = model.base(rows)
     variants = []
     for theta, stacked in _stacked(model, rows, candidate, thetas, joint):
-        stacked, kept = _determined(base, stacked, left_out)
+        stacked, kept = _determined(base, stacked, effect.least_own, left_out)
         if kept:
             variants.append(Variant(theta=theta, columns=stacked, kept=kept))
     if not variants:
@@ -248,11 +248,11 @@ def _best(
 
 
 def _determined(
-    base: np.ndarray, columns: np.ndarray, left_out: tuple[int, ...]
+    base: np.ndarray, columns: np.ndarray, least: float, left_out: tuple[int, ...]
 ) -> tuple[np.ndarray, tuple[int, ...]]:
     """Return the columns that are not left out and that nothing before explains, and which."""
     numbers = [number for number in range(columns.shape[1]) if number not in left_out]
-    found, kept = keep_independent(base, columns[:, numbers])
+    found, kept = keep_independent(base, columns[:, numbers], least)
     return found, tuple(numbers[place] for place in kept)
 
 

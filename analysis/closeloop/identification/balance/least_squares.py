@@ -24,8 +24,10 @@ def sums_of_others(grams: np.ndarray) -> np.ndarray:
     return np.stack([grams[own != number].sum(axis=0) for number in own])
 
 
-def keep_independent(base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Drop the columns that the base and the columns before them explain."""
+def keep_independent(
+    base: np.ndarray, columns: np.ndarray, least: float = 1.0 - ABSORBED
+) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Drop the columns of which the base and the columns before them leave less than a share."""
     both = np.concatenate([base, columns], axis=1)
     norms = np.sqrt((both**2).sum(axis=0))
     scaled = both / np.maximum(norms, 1e-300)
@@ -41,7 +43,7 @@ def keep_independent(base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray,
         if size:
             row, _ = dtrtrs(factor[:size, :size], gram[known, number], lower=1)
         left = 1.0 - float(row @ row)
-        if left < (1e-10 if number < base.shape[1] else 1.0 - ABSORBED):
+        if left < (1e-10 if number < base.shape[1] else least):
             continue
         factor[size, :size], factor[size, size] = row, np.sqrt(left)
         known.append(number)

@@ -38,16 +38,17 @@ def answered(
     return answer(folder, plant, LIMB.changed(ATTRIBUTES, f"{real} {LIMP}"), beyond)
 
 
-def lifted(folder: Path, declared: str, real: str) -> dict[str, Any]:
+def lifted(folder: Path, declared: str, real: str, plant: Plant = LIFTED) -> dict[str, Any]:
     """Return the answer to a session of a limb that is lifted, of which `declared` is not so.
 
     Args:
         folder: of the session.
         declared: part of the declared model.
         real: what stands there in the true one.
+        plant: the limb, and how it is moved.
     """
-    truth = LIFTED.changed(declared, real).replace(ATTRIBUTES, f"{ATTRIBUTES} {LIMP}")
-    return answer(folder, LIFTED, truth)
+    truth = plant.changed(declared, real).replace(ATTRIBUTES, f"{ATTRIBUTES} {LIMP}")
+    return answer(folder, plant, truth)
 
 
 def answer(folder: Path, plant: Plant, truth: str, beyond: Beyond | None = None) -> dict[str, Any]:
@@ -132,6 +133,22 @@ def test_gravity_that_the_effort_lacks_is_no_spring(real: str, tmp_path: Path) -
     assert low < STIFFNESS < high
     assert not report["identified"]["elbow"]["stiffness"]
     assert any("not [0, 0, -9.81] as declared" in line for line in report["warnings"])
+
+
+def test_over_a_small_range_a_spring_is_not_told_from_gravity_that_the_effort_lacks(
+    tmp_path: Path,
+) -> None:
+    """All but a thousandth of the weight's torque could be stiffness and neutral angle."""
+    near = replace(LIFTED, amplitude=(0.35,), noise=0.003)
+    report = lifted(tmp_path, "0 0 -9.81", "0 0 0", near)
+    (found,) = report["effects"]
+    assert {"gravity_torque", "nonlinear_stiffness"} <= {
+        found["name"],
+        *found["indistinguishable_from"],
+    }
+    low, high = report["impedance"]["elbow"]["stiffness"]["ci90_after"]
+    assert low < STIFFNESS < high
+    assert not report["identified"]["elbow"]["stiffness"]
 
 
 def test_a_limb_that_is_lighter_than_declared_is_a_load_of_less_than_nothing(
