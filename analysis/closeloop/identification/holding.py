@@ -17,8 +17,9 @@ import numpy as np
 from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.luck import ALONE_Z, MIN_GAIN, more_than_luck
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, prediction
+from analysis.closeloop.identification.balance.presence import surely_there
 from analysis.closeloop.identification.balance.regression import Rows, compare
-from analysis.closeloop.identification.balance.uncertainty import leave_out, surely_there
+from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.steps import Grown
