@@ -205,7 +205,8 @@ def with_independent(model: Model, term: Term, rows: Rows) -> Model:
     """Add the columns of `term` that the model's do not explain."""
     base, _ = model.base(rows)
     width = next(iter(term.columns.values())).shape[1]
-    _, kept = keep_independent(base, rows.stack(model.transformed(term.columns), width))
+    least = (term.effect or Effect).least_own
+    _, kept = keep_independent(base, rows.stack(model.transformed(term.columns), width), least)
     return model.with_term(replace(term, kept=kept)) if kept else model
 
 

@@ -51,11 +51,14 @@ def lifted(folder: Path, declared: str, real: str, plant: Plant = LIFTED) -> dic
     return answer(folder, plant, truth)
 
 
-def answer(folder: Path, plant: Plant, truth: str, beyond: Beyond | None = None) -> dict[str, Any]:
-    """Return the answer to a session of a plant, of which an impedance at the elbow is declared."""
+def answer(
+    folder: Path, plant: Plant, truth: str, beyond: Beyond | None = None, *more: str
+) -> dict[str, Any]:
+    """Return the answer to a session of a plant with an impedance and `more` declared there."""
     write_recordings(folder, plant, 2, truth=truth, beyond=beyond, seconds=8.0, trials=4)
     session = json.loads((folder / "session.json").read_text())
-    session["declared_effects"] = [{"effect": "viscoelastic_joint", "joint": "elbow"}]
+    names = ("viscoelastic_joint", *more)
+    session["declared_effects"] = [{"effect": name, "joint": "elbow"} for name in names]
     (folder / "session.json").write_text(json.dumps(session))
     return analyse(folder).report
 
@@ -149,6 +152,16 @@ def test_over_a_small_range_a_spring_is_not_told_from_gravity_that_the_effort_la
     low, high = report["impedance"]["elbow"]["stiffness"]["ci90_after"]
     assert low < STIFFNESS < high
     assert not report["identified"]["elbow"]["stiffness"]
+
+
+def test_whoever_knows_that_the_effort_lacks_gravity_may_declare_it(tmp_path: Path) -> None:
+    near = replace(LIFTED, amplitude=(0.35,), noise=0.003)
+    truth = near.changed("0 0 -9.81", "0 0 0").replace(ATTRIBUTES, f"{ATTRIBUTES} {LIMP}")
+    report = answer(tmp_path, near, truth, None, "gravity_torque")
+    (declared,) = report["declared"]
+    assert declared["parameters"]["gravity_z"]["value"] == pytest.approx(9.81, rel=0.1)
+    stiffness = report["impedance"]["elbow"]["stiffness"]["after"]
+    assert stiffness == pytest.approx(STIFFNESS, rel=0.1)
 
 
 def test_a_limb_that_is_lighter_than_declared_is_a_load_of_less_than_nothing(
