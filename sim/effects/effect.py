@@ -80,7 +80,7 @@ class Effect(ABC):
     rubs: bool = False
     #: Whether its torque goes with the direction of the motion, as no soft tissue's does.
     directed: bool = False
-    #: Share of a column's power that others have to leave for it to be asked for at all.
+    #: Share of a column's power that other columns have to leave: of less, nothing can be named.
     least_own: float = 5e-4
     #: Whether it contradicts what the model's file declares, which holds until trials speak against
     #: it: it is credited with nothing while it is not seen.

@@ -5,8 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
-#: A column of which other columns explain this share adds nothing that can be named.
-ABSORBED = 0.9995
+from sim.effects.effect import Effect
 
 
 def gram_matrices(table: np.ndarray, parts: Iterable[np.ndarray]) -> np.ndarray:
@@ -25,7 +24,7 @@ def sums_of_others(grams: np.ndarray) -> np.ndarray:
 
 
 def keep_independent(
-    base: np.ndarray, columns: np.ndarray, least: float = 1.0 - ABSORBED
+    base: np.ndarray, columns: np.ndarray, least: float = Effect.least_own
 ) -> tuple[np.ndarray, tuple[int, ...]]:
     """Drop the columns of which the base and the columns before them leave less than a share."""
     both = np.concatenate([base, columns], axis=1)
