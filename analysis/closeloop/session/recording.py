@@ -196,7 +196,10 @@ class Recording:
 
     def weight(self, joint: int) -> np.ndarray:
         """Return what holds a joint in one m/s2 of gravity along x, y and z, (n, 3)."""
-        return self.chain.weight(joint)
+        key = ("weight", joint)
+        if key not in self.cache:
+            self.cache[key] = self.chain.weight(joint)
+        return self.cache[key]
 
     def of_joint(self, joint: int) -> "Recording":
         """Return the same recording with the balance of one joint only."""
