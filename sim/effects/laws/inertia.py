@@ -27,8 +27,9 @@ LEAST_LOAD, LONGEST_WAY = 1e-3, 0.3
 OFF_LINE = 0.1
 #: No more than this share of the declared inertia can turn out not to be there.
 MAX_REMOVED = 0.7
-#: What turns gravity round, m/s2: no wrong direction, balance or compensation does more.
-TURNED_ROUND = 2.0 * 9.81
+#: What turns gravity round at a limb that is half as heavy again as declared, m/s2: no wrong
+#: direction, balance or compensation does more.
+TURNED_ROUND = 2.5 * 9.81
 
 
 class Payload(Effect):
