@@ -6,7 +6,6 @@ from pathlib import Path
 from analysis.closeloop.session.mjcf import load_device
 from analysis.closeloop.session.plausibility import (
     check_copies,
-    check_signs,
     check_torque,
     checked_trial,
 )
@@ -14,7 +13,7 @@ from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.stretches import record
 from analysis.closeloop.session.trial_csv import read_trial
-from analysis.closeloop.turned import check_turned
+from analysis.closeloop.signs import check_signs, check_turned
 from analysis.closeloop.units import check_units
 from sim.effects.catalogue import BY_NAME
 

@@ -274,46 +274,6 @@ def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np
         )
 
 
-def check_signs(recording: Recording) -> None:
-    """Refuse a session whose effort has the opposite sign of the joint axis.
-
-    A passive joint takes energy from the motor, and inertia and gravity are declared: if
-    the joint drives the motor, and inertia or stiffness comes out negative too, a sign is wrong.
-
-    Raises:
-        SessionError: names the joint's effort column in the first trial.
-    """
-    for joint in recording.joints:
-        rows = in_motion(recording, joint)
-        if int(rows.sum()) < LEAST_MOTION * recording.rate:
-            continue
-        effort, known = recording.effort[rows, joint], recording.inverse[rows, joint]
-        velocity, unknown = recording.velocity[rows, joint], unknown_columns(recording, joint)[rows]
-        table = np.column_stack([known, unknown])
-        found = np.linalg.lstsq(table, effort, rcond=None)[0]
-        rest = effort - table @ found
-        spread = float(((effort - effort.mean()) ** 2).sum())
-        explained = 1.0 - float(rest @ rest) / max(spread, 1e-300)
-        power = float((velocity * (table[:, 3:] @ found[3:])).mean())
-        scale = float(np.sqrt((effort**2).mean() * (velocity**2).mean()))
-        both_ways = abs(float(velocity.sum())) < 0.5 * float(np.abs(velocity).sum())
-        if explained < 0.8 or power > -0.02 * scale or not both_ways:
-            continue
-        declared = _independent(known, unknown, effort)
-        if declared and found[0] > 0.5:
-            # Weight and inertia are there with the sign they should have.
-            continue
-        turned = declared and -1.5 < found[0] < -0.5
-        name = recording.name(joint)
-        first = recording.session.trials[recording.fit_trials[0]].file
-        if turned or found[2] < 0:
-            why = (
-                f"has the opposite sign of what {name} needs: as recorded, the joint drives the "
-                "motor; effort is positive along the joint's axis, as position is"
-            )
-            raise SessionError(why, file=first, column=f"{name}.effort", line=2)
-
-
 def in_motion(recording: Recording, joint: int) -> np.ndarray:
     """Return the samples in which a joint's own motor moves it, (n,)."""
     rows = np.isin(recording.trial, recording.fit_trials)
@@ -330,9 +290,3 @@ def unknown_columns(recording: Recording, joint: int) -> np.ndarray:
     position, velocity = recording.position[:, joint], recording.velocity[:, joint]
     moving = np.tanh(velocity / recording.rest_speed[joint])
     return np.column_stack([np.ones_like(velocity), position, velocity, moving])
-
-
-def _independent(known: np.ndarray, unknown: np.ndarray, effort: np.ndarray) -> bool:
-    """Whether the declared torque is large, and not a mixture of the unknowns' columns."""
-    left = known - unknown @ np.linalg.lstsq(unknown, known, rcond=None)[0]
-    return float(left @ left) > 1e-4 * float(effort @ effort)

@@ -11,8 +11,8 @@ from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.judgement.events import find_events
 from analysis.closeloop.judgement.floor import last_digit
 from analysis.closeloop.session.contents import Trial
-from analysis.closeloop.session.plausibility import check_signs
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.signs import check_signs
 from tests.testbed.sessions.moved import moved
 
 RATE, NOISE = 50.0, 0.05

@@ -1,17 +1,63 @@
-"""Whether one trial's angle or effort is counted the other way round than in the others."""
+"""Whether angle and effort are counted the same way round: in a session, and in each trial."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.session.plausibility import LEAST_MOTION, unknown_columns
+from analysis.closeloop.session.plausibility import LEAST_MOTION, in_motion, unknown_columns
 from analysis.closeloop.session.recording import MOVING, Recording
 
 #: The others predict a turned trial worse than its own mean does, which leaves 1, and turned back
 #: they leave less than this share: a tenth is a poor model, and no effect nor posture comes near,
 #: for both have to hold.
 TURNED_LEAVES = 0.1
+
+
+def check_signs(recording: Recording) -> None:
+    """Refuse a session whose effort has the opposite sign of the joint axis.
+
+    A passive joint takes energy from the motor, and inertia and gravity are declared: if
+    the joint drives the motor, and inertia or stiffness comes out negative too, a sign is wrong.
+
+    Raises:
+        SessionError: names the joint's effort column in the first trial.
+    """
+    for joint in recording.joints:
+        rows = in_motion(recording, joint)
+        if int(rows.sum()) < LEAST_MOTION * recording.rate:
+            continue
+        effort, known = recording.effort[rows, joint], recording.inverse[rows, joint]
+        velocity, unknown = recording.velocity[rows, joint], unknown_columns(recording, joint)[rows]
+        table = np.column_stack([known, unknown])
+        found = np.linalg.lstsq(table, effort, rcond=None)[0]
+        rest = effort - table @ found
+        spread = float(((effort - effort.mean()) ** 2).sum())
+        explained = 1.0 - float(rest @ rest) / max(spread, 1e-300)
+        power = float((velocity * (table[:, 3:] @ found[3:])).mean())
+        scale = float(np.sqrt((effort**2).mean() * (velocity**2).mean()))
+        both_ways = abs(float(velocity.sum())) < 0.5 * float(np.abs(velocity).sum())
+        if explained < 0.8 or power > -0.02 * scale or not both_ways:
+            continue
+        declared = _independent(known, unknown, effort)
+        if declared and found[0] > 0.5:
+            # Weight and inertia are there with the sign they should have.
+            continue
+        turned = declared and -1.5 < found[0] < -0.5
+        name = recording.name(joint)
+        first = recording.session.trials[recording.fit_trials[0]].file
+        if turned or found[2] < 0:
+            why = (
+                f"has the opposite sign of what {name} needs: as recorded, the joint drives the "
+                "motor; effort is positive along the joint's axis, as position is"
+            )
+            raise SessionError(why, file=first, column=f"{name}.effort", line=2)
+
+
+def _independent(known: np.ndarray, unknown: np.ndarray, effort: np.ndarray) -> bool:
+    """Whether the declared torque is large, and not a mixture of the unknowns' columns."""
+    left = known - unknown @ np.linalg.lstsq(unknown, known, rcond=None)[0]
+    return float(left @ left) > 1e-4 * float(effort @ effort)
 
 
 def check_turned(recording: Recording) -> None:
