@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.plausibility import LEAST_MOTION, in_motion, unknown_columns
-from analysis.closeloop.session.recording import MOVING, Recording
+from analysis.closeloop.session.recording import AWAY, MOVING, Recording
 
 #: The others predict a turned trial worse than its own mean does, which leaves 1, and turned back
 #: they leave less than this share: a tenth is a poor model, and no effect nor posture comes near,
@@ -25,7 +25,7 @@ def check_signs(recording: Recording) -> None:
     """
     for joint in recording.joints:
         rows = in_motion(recording, joint)
-        if int(rows.sum()) < LEAST_MOTION * recording.rate:
+        if int(rows.sum()) < LEAST_MOTION * recording.rate or _moved_once(recording, rows):
             continue
         effort, known = recording.effort[rows, joint], recording.inverse[rows, joint]
         velocity, unknown = recording.velocity[rows, joint], unknown_columns(recording, joint)[rows]
@@ -52,6 +52,22 @@ def check_signs(recording: Recording) -> None:
                 "motor; effort is positive along the joint's axis, as position is"
             )
             raise SessionError(why, file=first, column=f"{name}.effort", line=2)
+
+
+def _moved_once(recording: Recording, rows: np.ndarray) -> bool:
+    """Whether a joint leaves its rest but once, and shortly.
+
+    Whoever pushes it to where its friction holds it drives its motor, too.
+
+    Args:
+        recording: all trials.
+        rows: the samples in which it moves, (n,); at least one.
+    """
+    moving = np.flatnonzero(rows)
+    first, last = int(moving[0]), int(moving[-1])
+    whole = np.flatnonzero(recording.trial == recording.trial[first])
+    rests = whole[0] < first and last < whole[-1]
+    return bool(rests and recording.time[last] - recording.time[first] < AWAY)
 
 
 def _independent(known: np.ndarray, unknown: np.ndarray, effort: np.ndarray) -> bool:

@@ -144,3 +144,20 @@ def test_pushes_of_a_held_joint_are_no_flipped_sign_of_its_effort(recording: Rec
     swinging = holding(recording, 0.4 * np.sin(phase), np.zeros(len(TIME)), sag=0.0)
     with pytest.raises(SessionError, match="opposite sign"):
         check_signs(with_effort(swinging, -9.0 * np.sin(phase + 0.5)))
+
+
+def shoved(begin: float) -> np.ndarray:
+    """Return a rise to 1 and a fall by a third of it, where friction holds, (n,)."""
+    rising = np.clip((TIME - begin) / 0.6, 0.0, 1.0)
+    falling = np.clip((TIME - begin - 0.9) / 0.6, 0.0, 1.0)
+    return np.asarray(rising - 0.35 * falling)
+
+
+def test_a_push_to_where_friction_holds_the_joint_is_no_flipped_sign(recording: Recording) -> None:
+    """It comes back by a third of its way only, and its motor works against it all the time."""
+    still = np.zeros(len(TIME))
+    once = holding(recording, 0.03 * shoved(12.1), still, sag=0.0)
+    check_signs(with_effort(once, -9.0 * shoved(12.0)))
+    there_and_back = holding(recording, 0.03 * (shoved(12.1) - shoved(15.1)), still, sag=0.0)
+    with pytest.raises(SessionError, match="opposite sign"):
+        check_signs(with_effort(there_and_back, -9.0 * (shoved(12.0) - shoved(15.0))))
