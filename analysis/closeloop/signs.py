@@ -6,7 +6,8 @@ import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.plausibility import LEAST_MOTION, in_motion, unknown_columns
-from analysis.closeloop.session.recording import AWAY, MOVING, Recording
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.runs import AWAY, MOVING
 
 #: The others predict a turned trial worse than its own mean does, which leaves 1, and turned back
 #: they leave less than this share: a tenth is a poor model, and no effect nor posture comes near,

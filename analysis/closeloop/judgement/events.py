@@ -27,7 +27,7 @@ from analysis.closeloop.identification.balance.regression import SCATTERED, Rows
 from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import with_free_presliding
-from analysis.closeloop.judgement.holds import rest_events, spread
+from analysis.closeloop.judgement.holds import away_events, rest_events, spread
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import lowpass
@@ -91,6 +91,8 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
         known = expected.get(joint)
         abrupt = 0.0 if known is None else ABRUPT * upper_octave(recording, joint)
         found += rest_events(recording, joint, friction.get(joint, 0.0), known, abrupt)
+        if known is None:
+            found += away_events(recording, joint)
     return tuple(sorted(_joined(found), key=lambda one: (one.begin, one.joint)))
 
 

@@ -212,9 +212,9 @@ def _low_passed(frequency: np.ndarray, power: np.ndarray, low: float, high: floa
     return bool(fall < STEEP)
 
 
-def last_digit(effort: np.ndarray) -> float:
+def last_digit(signal: np.ndarray) -> float:
     """Return what rounding to a channel's steps leaves, or 0 if it shows no steps."""
-    levels = np.unique(effort)
-    if len(levels) < 2 or len(levels) > 0.2 * len(effort):
+    levels = np.unique(signal)
+    if len(levels) < 2 or len(levels) > 0.2 * len(signal):
         return 0.0
     return float(np.median(np.diff(levels)) / np.sqrt(12.0))

@@ -11,8 +11,8 @@ from scipy.stats import norm
 
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.floor import last_digit
-from analysis.closeloop.session.recording import MOVING, Recording
-from analysis.closeloop.session.runs import runs
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.runs import AWAY, MOVING, runs
 
 #: An event's flanks and its peak, over the spread of a course: stiction creeps.
 FLANK, PEAK = 2.5, 8.0
@@ -25,6 +25,11 @@ STICTION = 3.0
 OVER_NOISE = 4.0
 #: Time over which a resting joint's torque is compared with its own course, s.
 COURSE = 4.0
+#: A joint rests for so long before it is pushed, s, and moves so far within that time, over the
+#: noise of its position: the start of a trial, where it sags, is no push.
+BEFORE = 0.5
+#: Friction may keep it on the way back, but this share of the way it comes: what slips does not.
+RETURNS = 0.25
 
 
 def rest_events(
@@ -60,7 +65,8 @@ def rest_events(
     sampling = recording.sampling
     hardly = expected is None and not still
     share = 2.0 * sampling.fit_cutoff / sampling.recorded if hardly else 1.0
-    noise = max(_noise(recording, joint, n, min(1.0, share)) for n in np.unique(recording.trial))
+    trials = np.unique(recording.trial)
+    noise = max(_noise(recording.raw_effort(n, joint), min(1.0, share)) for n in trials)
     usual = quiet_spread(np.concatenate([beyond for _, beyond in courses]))
     least = max(PEAK * usual, STICTION * friction, OVER_NOISE * noise)
     if usual <= 0.0:
@@ -81,6 +87,55 @@ def rest_events(
                 end=float(recording.time[samples[run.stop - 1]]),
                 peak=float(beyond[top]),
             )
+
+
+def away_events(recording: Recording, joint: int) -> Iterator[Event]:
+    """Yield where a joint that hardly moves by itself goes away against its motor, and comes back.
+
+    A push of a few times the effort's noise moves it by far more than its encoder's.
+
+    Args:
+        recording: all trials.
+        joint: which.
+    """
+    trials = np.unique(recording.trial)
+    noise = max(_noise(recording.raw_position(trial, joint)) for trial in trials)
+    places = [recording.position[piece, joint] for piece in recording.slices]
+    usual = max(noise, quiet_spread(np.concatenate([own - np.median(own) for own in places])))
+    if usual <= 0.0:
+        return
+    before, within = (int(seconds * recording.rate) for seconds in (BEFORE, AWAY))
+    for piece, place in zip(recording.slices, places, strict=True):
+        moves = np.abs(recording.velocity[piece, joint]) > PEAK * usual / BEFORE
+        torque = (recording.effort - recording.static)[piece, joint]
+        for run in _together(moves, within):
+            rested = slice(run.start - before, run.start)
+            ended = run.stop + before <= len(place)
+            if rested.start < 0 or not ended or run.stop - run.start > within:
+                continue
+            away = place[run] - np.median(place[rested])
+            push = torque[run] - np.median(torque[rested])
+            top = int(np.argmax(np.abs(away)))
+            back = abs(away[-1]) < (1.0 - RETURNS) * abs(away[top])
+            # Of an effort that is not recorded nothing can be said.
+            if abs(away[top]) > PEAK * usual and back and away @ push < 0.0:
+                yield Event(
+                    trial=int(recording.trial[piece.start]),
+                    joint=joint,
+                    begin=float(recording.time[piece.start + run.start]),
+                    end=float(recording.time[piece.start + run.stop - 1]),
+                    peak=float(push[np.argmax(np.abs(push))]),
+                )
+
+
+def _together(marked: np.ndarray, within: int) -> list[slice]:
+    """Return runs of marked samples, those that follow each other within so many samples as one."""
+    found: list[slice] = []
+    for run in runs(marked):
+        if found and run.start - found[-1].stop < within:
+            run = slice(found.pop().start, run.stop)
+        found.append(run)
+    return found
 
 
 def _rests(recording: Recording, joint: int, still: bool) -> list[np.ndarray]:
@@ -130,15 +185,14 @@ def _driven(away: np.ndarray, beyond: np.ndarray) -> bool:
     return bool(np.abs(away).max() > MOVING and away @ beyond > 0.0)
 
 
-def _noise(recording: Recording, joint: int, trial: int, share: float) -> float:
-    """Return the noise of a trial's samples, Nm or N: what differs from one to the next.
+def _noise(signal: np.ndarray | None, share: float = 1.0) -> float:
+    """Return the noise of a channel's samples, in its unit: what differs from one to the next.
 
     Of its power a low-pass leaves a share, as of white noise; of the last digit it leaves all.
     """
-    effort = recording.raw_effort(trial, joint)
-    if effort is None:
+    if signal is None:
         return 0.0
-    return max(spread(np.diff(effort)) * float(np.sqrt(share / 2.0)), last_digit(effort))
+    return max(spread(np.diff(signal)) * float(np.sqrt(share / 2.0)), last_digit(signal))
 
 
 def spread(signal: np.ndarray) -> float:

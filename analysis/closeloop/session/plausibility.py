@@ -11,8 +11,8 @@ from scipy.stats import median_abs_deviation, siegelslopes
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import MAX_HINGE, Device
-from analysis.closeloop.session.recording import MOVING, Recording
-from analysis.closeloop.session.runs import saturated_line
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.runs import MOVING, saturated_line
 from analysis.closeloop.session.stretches import GAP_STEPS
 
 #: A hinge that may turn for ever is recorded in degrees if it turns faster than that, rad/s: no

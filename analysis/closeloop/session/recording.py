@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.link_torque import ChainMotion, chain_motion
-from analysis.closeloop.session.runs import runs
+from analysis.closeloop.session.runs import holds, rests
 from analysis.closeloop.session.signals import (
     LEAST_MEASURED,
     REST_SHARE,
@@ -24,12 +24,6 @@ from analysis.closeloop.session.signals import (
 )
 from sim.effects.rigid import point_mass
 
-#: Shortest rest, s: a reversal is none.
-REST = 0.05
-#: A joint that is pushed out of a hold is back within this time, s, but for this share of its way.
-AWAY, BACK = 3.0, 0.2
-#: Least travel of a moving joint, rad or m: above what an encoder's last digits do.
-MOVING = 5e-3
 #: What depends on position alone changes slowly: it is computed at every so many samples.
 REST_STEP = 4
 #: What does not depend on which joints are analysed.
@@ -99,6 +93,10 @@ class Recording:
     def raw_effort(self, trial: int, joint: int) -> np.ndarray | None:
         """Return a joint's effort in a trial as it was recorded, on the trial's own clock."""
         return self.session.trials[trial].columns.get(f"{self.name(joint)}.effort")
+
+    def raw_position(self, trial: int, joint: int) -> np.ndarray | None:
+        """Return a joint's position in a trial, rad or m, as `raw_effort`."""
+        return self.session.trials[trial].columns.get(f"{self.name(joint)}.position")
 
     @cached_property
     def inverse(self) -> np.ndarray:
@@ -220,37 +218,11 @@ class Recording:
 
     def resting(self, joint: int, piece: slice) -> np.ndarray:
         """Return where the joint stays below its rest speed for longer than a reversal takes."""
-        still = np.abs(self.velocity[piece, joint]) < self.rest_speed[joint]
-        found = np.zeros(len(still), dtype=bool)
-        for run in runs(still):
-            found[run] = (run.stop - run.start) / self.rate > REST
-        return found
+        return rests(self.velocity[piece, joint], float(self.rest_speed[joint]), self.rate)
 
     def held(self, joint: int, piece: slice) -> list[slice]:
-        """Return where in a stretch a joint rests, or comes back at once to where it rested.
-
-        A push moves a joint that a controller holds; it rests before and after, in the same place.
-        """
-        position = self.position[piece, joint]
-        found: list[tuple[slice, int, float]] = []
-        for run in runs(self.resting(joint, piece)):
-            length, place = run.stop - run.start, float(np.median(position[run]))
-            # It may rest on the way, where the push is strongest.
-            recent = run.start - AWAY * self.rate
-            for number in reversed(range(len(found))):
-                hold, longest, home = found[number]
-                if hold.stop < recent:
-                    found.append((run, length, place))
-                    break
-                way = float(np.abs(position[hold.stop : run.start] - home).max())
-                if abs(position[run.start] - home) <= max(BACK * way, MOVING):
-                    if longest > length:
-                        length, place = longest, home
-                    found[number:] = [(slice(hold.start, run.stop), length, place)]
-                    break
-            else:
-                found.append((run, length, place))
-        return [hold for hold, _, _ in found]
+        """Return where in a stretch a joint rests, or comes back at once to where it rested."""
+        return holds(self.position[piece, joint], self.resting(joint, piece), self.rate)
 
     def since_reversal(self, joint: int) -> np.ndarray:
         """Return the time since a joint last changed direction, with that direction's sign, (n,).

@@ -1,4 +1,4 @@
-"""Runs of samples: where a mask is true, and where an effort stays at its limit."""
+"""Runs of samples: where a mask is true, an effort stays at its limit, or a joint rests."""
 
 from collections.abc import Iterator
 
@@ -9,6 +9,12 @@ SATURATED_SHARE = 0.01
 SATURATED_RUN = 10
 #: Over such a run a joint at rest moves less than this share of what it moves on average.
 RESTING_SHARE = 0.1
+#: Shortest rest, s: a reversal is none.
+REST = 0.05
+#: A joint that is pushed out of a hold is back within this time, s, but for this share of its way.
+AWAY, BACK = 3.0, 0.2
+#: Least travel of a moving joint, rad or m: above what an encoder's last digits do.
+MOVING = 5e-3
 
 
 def runs(marked: np.ndarray) -> Iterator[slice]:
@@ -44,3 +50,49 @@ def saturated_line(effort: np.ndarray, position: np.ndarray) -> int | None:
         if length >= SATURATED_RUN and moved >= RESTING_SHARE * pace * length:
             return int(longest.start) + 2
     return None
+
+
+def rests(velocity: np.ndarray, rest_speed: float, rate: float) -> np.ndarray:
+    """Return where a joint stays below a speed for longer than a reversal takes, (n,).
+
+    Args:
+        velocity: rad/s or m/s, (n,).
+        rest_speed: below which it counts as resting.
+        rate: samples per second.
+    """
+    still = np.abs(velocity) < rest_speed
+    found = np.zeros(len(still), dtype=bool)
+    for run in runs(still):
+        found[run] = (run.stop - run.start) / rate > REST
+    return found
+
+
+def holds(position: np.ndarray, resting: np.ndarray, rate: float) -> list[slice]:
+    """Return where a joint rests, or comes back at once to where it rested.
+
+    A push moves a joint that a controller holds; it rests before and after, in the same place.
+
+    Args:
+        position: rad or m, (n,).
+        resting: where it rests, (n,).
+        rate: samples per second.
+    """
+    found: list[tuple[slice, int, float]] = []
+    for run in runs(resting):
+        length, place = run.stop - run.start, float(np.median(position[run]))
+        # It may rest on the way, where the push is strongest.
+        recent = run.start - AWAY * rate
+        for number in reversed(range(len(found))):
+            hold, longest, home = found[number]
+            if hold.stop < recent:
+                found.append((run, length, place))
+                break
+            way = float(np.abs(position[hold.stop : run.start] - home).max())
+            if abs(position[run.start] - home) <= max(BACK * way, MOVING):
+                if longest > length:
+                    length, place = longest, home
+                found[number:] = [(slice(hold.start, run.stop), length, place)]
+                break
+        else:
+            found.append((run, length, place))
+    return [hold for hold, _, _ in found]

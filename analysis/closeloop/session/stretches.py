@@ -13,7 +13,8 @@ from analysis.closeloop.session.cutoff import Stretch, choose_sampling
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import SESSION_FILE
 from analysis.closeloop.session.missing import near_a_sample, with_missing_counted, without_stale
-from analysis.closeloop.session.recording import MOVING, Recording
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.runs import MOVING
 from analysis.closeloop.session.signals import (
     MeasuredLowpass,
     Sampling,

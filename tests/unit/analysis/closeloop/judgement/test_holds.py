@@ -41,9 +41,9 @@ def holding(
     recording = moved(recording, position, RATE)
     noise = NOISE * np.random.default_rng(5).standard_normal(len(TIME))
     raw = recording.static[:, 1] + noise + beyond
-    trial = Trial(
-        file="a.csv", label="a", group="a", role="fit", time=TIME, columns={"elbow.effort": raw}
-    )
+    names = ("shoulder.position", "elbow.position", "elbow.effort")
+    columns = dict(zip(names, (*position.T, raw), strict=True))
+    trial = Trial(file="a.csv", label="a", group="a", role="fit", time=TIME, columns=columns)
     effort = np.full_like(position, np.nan)
     effort[:, 1] = recording.filtered(raw[:, None])[:, 0]
     session = replace(recording.session, trials=(trial,))
@@ -127,6 +127,31 @@ def test_a_push_between_lost_samples_is_compared_with_the_whole_rest(
     events = find_events(Model(pushed), pushed)
     assert len(events) == found
     assert all(12.0 < event.begin < 12.4 < event.end < 12.9 for event in events)
+
+
+@pytest.mark.parametrize(
+    ("against", "kept", "found"),
+    [(-1.0, 0.0, 1), (-1.0, 0.65, 1), (-1.0, 1.0, 0), (1.0, 0.0, 0)],
+    ids=["comes back", "friction keeps it", "slips", "its motor moves it"],
+)
+def test_a_push_below_the_effort_s_noise_shows_by_where_the_joint_goes(
+    recording: Recording, against: float, kept: float, found: int
+) -> None:
+    """It goes away against its motor and comes some of the way back: nothing else does that."""
+    rising = np.clip((TIME - 12.0) / 0.4, 0.0, 1.0)
+    falling = np.clip((TIME - 12.6) / 0.4, 0.0, 1.0)
+    way = 0.003 * (rising - (1.0 - kept) * falling)
+    weak = 0.8 * NOISE * (rising - falling)
+    still = replace(holding(recording, way, against * weak, sag=0.0), still=True)
+    events = find_events(Model(still), still)
+    assert len(events) == found
+    assert all(11.9 < event.begin < 12.2 < 12.8 < event.end < 13.2 for event in events)
+
+
+def test_an_arm_that_sags_as_its_trial_begins_is_not_pushed(recording: Recording) -> None:
+    sag = 0.003 * bump(0.05, 1.2)
+    still = replace(holding(recording, sag, -0.8 * NOISE * bump(0.05, 1.2), sag=0.0), still=True)
+    assert find_events(Model(still), still) == ()
 
 
 def with_effort(recording: Recording, effort: np.ndarray) -> Recording:
