@@ -20,7 +20,7 @@ from benchmarks.closeloop.unkind.chain import (
 )
 from benchmarks.closeloop.unkind.robots import declared_xml
 from benchmarks.closeloop.unkind.simulate import Bench, FlightError, Trial
-from benchmarks.closeloop.unkind.sizing import LEAST_RATIO, chatter_of, noise_of, sized_fault
+from benchmarks.closeloop.unkind.sizing import LEAST_RATIO, chatter_of, noise_of, shown, sized_fault
 
 #: The session's clock begins here, s.
 CLOCK = 100.0
@@ -41,6 +41,13 @@ class Recorded:
     missing: Signal
     #: What of each fault only it explains, over the noise.
     ratios: tuple[float, ...]
+    #: What pushes of still trials change in the effort of their joint, over its noise.
+    shown: tuple[float, ...]
+
+    @property
+    def weak(self) -> bool:
+        """Whether something is below what the sensors show, so that the session does not count."""
+        return min((*self.ratios, *self.shown), default=LEAST_RATIO) < LEAST_RATIO
 
 
 def record(case: Case) -> Recorded:
@@ -95,6 +102,12 @@ def _record(case: Case) -> Recorded:
     bench = Bench(case)
     trials = tuple(bench.run(p, start, pushes) for p, start in zip(case.plans, starts, strict=True))
     missing = np.concatenate([bench.missing(trial) for trial in trials])
+    at_rest = [push for push in case.pushes if case.plans[push.trial].motion == "still"]
+    seen = []
+    for push in at_rest:
+        bare_trial = bench.run(case.plans[push.trial], starts[push.trial], {})
+        joint = case.robot.index(push.joint)
+        seen.append(shown(trials[push.trial], bare_trial, joint) / float(noise[joint]))
     return Recorded(
         case=case,
         trials=trials,
@@ -104,6 +117,7 @@ def _record(case: Case) -> Recorded:
         pushes=pushes,
         missing=np.sqrt(np.mean(missing**2, axis=0)),
         ratios=tuple(ratios),
+        shown=tuple(seen),
     )
 
 
@@ -234,7 +248,7 @@ def _truth(recorded: Recorded, measured: list[int], files: list[dict[str, Any]])
             }
             for fault, ratio in zip(case.faults, recorded.ratios, strict=True)
         ],
-        "weak": bool(recorded.ratios) and min(recorded.ratios) < LEAST_RATIO,
+        "weak": recorded.weak,
         "pushes": [
             {
                 "file": files[push.trial]["file"],

@@ -117,3 +117,18 @@ def _left(torque: Signal, known: list[Signal]) -> float:
         design = np.stack(known, axis=1)
         torque = torque - design @ np.linalg.lstsq(design, torque, rcond=None)[0]
     return float(np.sqrt(np.mean(torque**2)))
+
+
+def shown(pushed: Trial, bare: Trial, joint: int) -> float:
+    """Return by how much a push changes what its joint's motor does, at most, Nm.
+
+    What friction holds wholly leaves no trace in a log.
+
+    Args:
+        pushed: the trial with the push.
+        bare: the same trial without it.
+        joint: that is pushed.
+    """
+    change = pushed.effort[:, joint] - bare.effort[:, joint]
+    slow = butter(4, CHATTER_HZ, fs=1 / float(pushed.time[1]), output="sos")
+    return float(np.abs(sosfiltfilt(slow, change)).max())
