@@ -17,6 +17,7 @@ from analysis.closeloop.identification.balance.regression import (
     Rows,
     Score,
     compare,
+    takes_all,
 )
 from analysis.closeloop.identification.candidates import (
     SETTLED,
@@ -155,8 +156,11 @@ def _next_step(
     beside = freed(model, current, rows)
     score = current if beside is model else evaluate(beside, rows)
     joints = shaken(model, current, rows)
-    tried = [c for c in tried if not (c.effect.filters and c.joint in joints)]
-    options = options_beside(beside, rows, score, tried)
+    options = [
+        option
+        for option in options_beside(beside, rows, score, tried)
+        if option.candidate.joint not in joints or not _imitates(option, score)
+    ]
     step = choose(options, beside, score, rows, least * score.loss, of_form)
     late = [o for o in options[:FOREMOST] if not o.refused and o.gain > LARGE_GAIN * score.loss]
     if step is None:
@@ -179,6 +183,19 @@ def _next_step(
         # It needs one of the others to be what that cannot be.
         return options, None
     return options, replace(step, taken=replace(step.taken, model=refitted, score=score))
+
+
+def _imitates(option: Option, current: Score) -> bool:
+    """Whether an option may only answer what shakes its joint.
+
+    A line has a gain and a phase, which what filters the motion can have both. What passes on the
+    effort has one parameter for them: it leaves nearly nothing only if it is the cause, as where a
+    late motor makes its own loop ring.
+    """
+    effect = option.candidate.effect
+    return effect.filters and not (
+        effect.channel and takes_all(current.losses, option.score.losses)
+    )
 
 
 def _late(

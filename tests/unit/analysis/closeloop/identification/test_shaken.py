@@ -84,3 +84,20 @@ def test_no_inertia_is_named_for_a_tremor_and_the_answer_to_it(
     ]
     grown, refused = grow(Grown(model, score), rows, score, lambda _: None, tried)
     assert [step.key[0] for step in grown.steps] == found and refused is None
+
+
+def test_a_late_motor_whose_loop_rings_is_named() -> None:
+    """The ringing holds most of what is missing, and less than half of what the motion needs."""
+    recording, _ = trembling(0.006)
+    needed = recording.inverse[:, [ELBOW]]
+    rows = rows_of(recording, (recording.shifted(needed, 0.02) - needed)[:, 0])
+    assert of(rows) == {ELBOW}
+    model = Model(rows.recording)
+    score = evaluate(model, rows)
+    tried = [
+        Candidate(effect=BY_NAME[name], joint=ELBOW) for name in ("added_inertia", "time_delay")
+    ]
+    grown, _ = grow(Grown(model, score), rows, score, lambda _: None, tried)
+    (step,) = grown.steps
+    assert step.key[0] == "time_delay"
+    assert step.taken.theta["delay"] == pytest.approx(0.02, rel=0.05)
