@@ -219,7 +219,8 @@ class Introduction:
     versions: Mapping[str, str]
     #: What it says it is good for.
     tags: Sequence[str] = ()
-    #: The models that it can evaluate besides rehyb's own, as "name@digest", each with its canary.
+    #: The models that it can evaluate besides rehyb's own, as "name@digest", each with its canary;
+    #: and rehyb's own, by name and as "name@digest", if it has not all that the coordinator has.
     models: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -176,10 +176,11 @@ def work(
         Client(url, token, timeout=ANSWER_SECONDS) as second_client,
     ):
         client.answer_by = second_client.answer_by = leave_at
+        versions, own = describe()
         worker: dict[str, Any] = {
             "id": f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}",
             "host": host or socket.gethostname(),
-            "versions": describe(),
+            "versions": versions,
             "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],
         }
         folder = spool or _default_spool(client.url)
@@ -187,7 +188,9 @@ def work(
         places.have(models or (), allow or (), umbridge or ())
         beside = Pool(1, instance_seconds, memory_mb=memory_mb)
         canaries = Canaries(pool=beside)
-        offered = WorkerModels(client=client, worker=worker["id"], places=places, canaries=canaries)
+        offered = WorkerModels(
+            client=client, worker=worker["id"], places=places, canaries=canaries, own=own
+        )
         leases = Leases(
             client=client,
             worker=worker,

@@ -71,7 +71,7 @@ def _processor() -> Judgement:
 
 def _simulation() -> Judgement:
     try:
-        digest, seconds = canary()
+        digest, seconds, _ = canary()
     except RehybError as error:
         return Severity.FAILURE, str(error)
     detail = f"the nominal elbow took {seconds:.2f} s; code {code()}, canary {digest}"

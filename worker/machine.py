@@ -13,13 +13,16 @@ from sim.evaluation import code, versions
 CANARY_SECONDS = 120.0
 #: x86-64 and ARM. More of them would only part machines that compute the same bits.
 VECTOR_FLAGS = ("sse4_2", "avx", "avx2", "fma", "avx512f", "asimd", "sve")
-#: Evaluates the nominal elbow and prints a digest of the bits of its outputs.
+#: Evaluates the nominal elbow and prints a digest of the bits of its outputs. Rehyb's own models
+#: are described there, too, since that loads NumPy.
 _CANARY = """
 import hashlib, json, time
 from sim.evaluation import evaluate
+from sim.models import MODELS
 done = evaluate("elbow", {})
 bits = json.dumps([done.outcome, [float(value).hex() for value in done.outputs.values()]])
-print(json.dumps([hashlib.sha256(bits.encode()).hexdigest()[:16], done.wall_seconds]))
+own = [model.version for model in MODELS.values()]
+print(json.dumps([hashlib.sha256(bits.encode()).hexdigest()[:16], done.wall_seconds, own]))
 """
 
 
@@ -27,13 +30,16 @@ class CanaryError(RehybError):
     """This machine cannot evaluate the nominal elbow."""
 
 
-def describe() -> dict[str, str]:
-    """Return the versions of everything that decides the bits, and a digest of some of the bits.
+def describe() -> tuple[dict[str, str], list[str]]:
+    """Return the versions of all that decides the bits, and of rehyb's own models.
+
+    Among the former is a digest of some of the bits; the latter are "name@digest".
 
     Raises:
         CanaryError: the nominal elbow cannot be evaluated here.
     """
-    return {**versions(), "cpu": cpu(), "code": code(), "canary": canary()[0]}
+    digest, _, own = canary()
+    return {**versions(), "cpu": cpu(), "code": code(), "canary": digest}, own
 
 
 def cpu(path: Path = Path("/proc/cpuinfo")) -> str:
@@ -45,11 +51,12 @@ def cpu(path: Path = Path("/proc/cpuinfo")) -> str:
     return " ".join(flag for flag in VECTOR_FLAGS if flag in flags) or "none"
 
 
-def canary(program: str = _CANARY) -> tuple[str, float]:
+def canary(program: str = _CANARY) -> tuple[str, float, list[str]]:
     """Evaluate the nominal elbow in a process of its own.
 
     Returns:
-        A digest of the bits of its outputs, and how many seconds the evaluation took.
+        A digest of the bits of its outputs, how many seconds the evaluation took, and the versions
+        of rehyb's own models.
 
     Raises:
         CanaryError: it crashes, hangs, or comes out as nothing that can be compared.
@@ -70,5 +77,5 @@ def canary(program: str = _CANARY) -> tuple[str, float]:
     if ran.returncode != 0:
         lines = ran.stderr.strip().splitlines() or [f"exit status {ran.returncode}"]
         raise CanaryError(f"the nominal elbow cannot be evaluated on this machine: {lines[-1]}")
-    digest, seconds = json.loads(ran.stdout)
-    return str(digest), float(seconds)
+    digest, seconds, own = json.loads(ran.stdout)
+    return str(digest), float(seconds), own

@@ -38,6 +38,8 @@ class WorkerModels:
     worker: str
     places: Places
     canaries: Canaries
+    #: Versions of rehyb's own, by which a coordinator knows one that has other factors there.
+    own: Sequence[str] = ()
     _announced: bool = False
     #: Versions of which was said that this worker takes nothing.
     _told: set[str] = field(default_factory=set)
@@ -47,7 +49,8 @@ class WorkerModels:
     def __post_init__(self) -> None:
         #: Those that its owner named.
         self._named = dict(self.places.descriptions)
-        most = MOST_MODELS - len(MODELS)
+        # Rehyb's own are told of by name and by version.
+        most = MOST_MODELS - 2 * len(MODELS)
         if len(self._named) > most:
             raise Invalid(
                 f"--models and --allow name {len(self._named)} models, and one worker takes {most} "
@@ -78,7 +81,7 @@ class WorkerModels:
                 if model["kind"] == Kind.MJCF
             }
             self._tell_of_code(wanted)
-        offered = dict.fromkeys(MODELS, "")
+        offered = dict.fromkeys((*MODELS, *self.own), "")
         for version, description in (self._named | self._wanted).items():
             if version in self.canaries.refused:
                 continue

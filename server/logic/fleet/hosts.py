@@ -10,6 +10,7 @@ import json
 from collections.abc import Mapping
 from functools import lru_cache
 
+from server.logic.fleet.own_models import objection_to_models
 from server.records import Introduction, Study
 
 #: What must be equal on all machines of a study: another of these is another model.
@@ -51,6 +52,8 @@ def objection_to_worker(study: Study, worker: Introduction) -> str | None:
     """Say in a sentence why a worker may not have instances of a study; None if it may."""
     if missing := [tag for tag in study.tags if tag not in worker.tags]:
         return f"study {study.id} is for workers tagged {', '.join(missing)} (rehyb-worker --tags)"
+    if objection := objection_to_models(study, worker):
+        return objection
     theirs = identity(worker.versions)
     if study.identity is None or study.identity == theirs:
         return None

@@ -8,6 +8,7 @@ from secrets import token_hex
 from server.logic.fleet.comparisons import GATHER_SECONDS
 from server.logic.fleet.hosts import identity, objection_to_worker
 from server.logic.fleet.leases import expiry
+from server.logic.fleet.own_models import lacking
 from server.logic.study.instances import may_try
 from server.logic.study.studies import handed_out, new_rows
 from server.operations.fleet.exchange import Deferred, Exchange, Grant, Ineligible, LeaseRequest
@@ -67,6 +68,9 @@ async def grant(
             return found
         else:
             passed |= {study_id}
+    if objection is None:
+        told = (lacking(*one, request.worker) for one in work if one[1] not in request.models)
+        objection = next(filter(None, told), None)
     return None if objection is None else Ineligible(why=objection)
 
 

@@ -13,6 +13,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.datastructures import State
 
 from server.errors import ConflictError
+from server.logic.fleet.own_models import worth_keeping
 from server.operations.fleet import leases
 from server.operations.fleet.exchange import Exchange, Grant, Ineligible, LeaseRequest
 from server.records import Introduction
@@ -51,11 +52,13 @@ class WorkerBody(Body):
     )
 
     def introduced(self, models: Sequence[str] = ()) -> Introduction:
-        """Return who asks, as operations know it; rehyb's own among the models are left out.
+        """Return who asks, as operations know it.
 
-        Those need no version: which code computes them is told by `versions`.
+        Rehyb's own among the models have no canary: which code computes them is told by
+        `versions`.
         """
-        others = {model: self.canaries.get(model, "") for model in models if "@" in model}
+        kept = worth_keeping(tuple(models))
+        others = {model: self.canaries.get(model, "") if "@" in model else "" for model in kept}
         return Introduction(
             id=self.id, host=self.host, versions=self.versions, tags=self.tags, models=others
         )

@@ -7,5 +7,5 @@ a worker begins with it, is tested by those that `LocalFleet` starts.
 from worker import cli, machine
 
 if __name__ == "__main__":
-    machine.canary = lambda: ("the same", 0.5)  # type: ignore[assignment]
+    machine.canary = lambda: ("the same", 0.5, [])  # type: ignore[assignment]
     cli.main()

@@ -65,6 +65,6 @@ if __name__ == "__main__":
     if "SMALL_DISK" in os.environ:
         spool._open = small_disk
     # Half of a worker's start, and all are on one machine.
-    machine.canary = lambda: ("the same", 0.5)  # type: ignore[assignment]
+    machine.canary = lambda: ("the same", 0.5, [])  # type: ignore[assignment]
     cli.Pool = partial(Pool, evaluate=evaluate)  # type: ignore[assignment, misc]
     cli.main()

@@ -82,7 +82,7 @@ def test_with_a_lifetime_none_of_its_connections_waits_beyond_it(
     monkeypatch.setattr("worker.cli.Agent.run", lambda agent: agents.append(agent))
     monkeypatch.setattr("signal.signal", lambda *_: None)
     # Else it simulates the nominal elbow first, in a process of its own.
-    monkeypatch.setattr("worker.machine.canary", lambda: ("the same", 0.5))
+    monkeypatch.setattr("worker.machine.canary", lambda: ("the same", 0.5, []))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     began = time.monotonic()
     assert run(monkeypatch, capsys, "--token", "t", "--lifetime", "10s")[0] == 0

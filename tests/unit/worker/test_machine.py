@@ -14,12 +14,12 @@ from sim.evaluation import code
 from worker.doctor import Finding, examine
 from worker.machine import CanaryError, canary, cpu
 
-FAST = "print('[\"c0ffee\", 0.4]')"
+FAST = "print('[\"c0ffee\", 0.4, [\"elbow@1\"]]')"
 
 
 @pytest.fixture
 def healthy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("worker.doctor.canary", lambda: ("c0ffee", 0.4))
+    monkeypatch.setattr("worker.doctor.canary", lambda: ("c0ffee", 0.4, []))
 
 
 def verdicts(findings: list[Finding]) -> dict[str, str]:
@@ -62,7 +62,7 @@ def test_a_changed_device_is_changed_code(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_a_canary_that_dies_is_one_sentence() -> None:
-    assert canary(FAST) == ("c0ffee", 0.4)
+    assert canary(FAST) == ("c0ffee", 0.4, ["elbow@1"])
     with pytest.raises(CanaryError, match=r"cannot be evaluated on this machine: .*no AVX"):
         canary("raise SystemExit('no AVX')")
     with pytest.raises(CanaryError, match="exit status -11"):
@@ -98,7 +98,7 @@ def test_a_token_only_good_for_work_is_good(tmp_path: Path) -> None:
 def test_a_machine_that_cannot_simulate_or_spool_or_reach_anybody_fails_thrice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def crash() -> tuple[str, float]:
+    def crash() -> tuple[str, float, list[str]]:
         raise CanaryError("it crashed")
 
     def no_way() -> Client:

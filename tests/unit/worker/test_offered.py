@@ -46,13 +46,14 @@ def offering(named: int) -> WorkerModels:
         places.places[one.version] = Place(kind=Kind.COMMAND, digest=one.digest, where="here")
     canaries = Canaries(pool=None)  # type: ignore[arg-type]
     there: Any = Open()
-    return WorkerModels(client=there, worker="w", places=places, canaries=canaries)
+    own = [model.version for model in MODELS.values()]
+    return WorkerModels(client=there, worker="w", places=places, canaries=canaries, own=own)
 
 
 def test_more_models_than_a_coordinator_takes_of_a_worker_are_refused_before_any_is_asked_for() -> (
     None
 ):
-    most = MOST_MODELS - len(MODELS)
+    most = MOST_MODELS - 2 * len(MODELS)
     with pytest.raises(Invalid) as refused:
         offering(most + 1)
     assert str(refused.value) == (
@@ -60,6 +61,11 @@ def test_more_models_than_a_coordinator_takes_of_a_worker_are_refused_before_any
         "own: start another worker for the rest"
     )
     assert len(offering(most).offered(0.0)) == MOST_MODELS
+
+
+def test_rehybs_own_models_are_told_of_by_name_and_by_version() -> None:
+    offered = offering(0).offered(0.0)
+    assert all(one.name in offered and one.version in offered for one in MODELS.values())
 
 
 def test_open_studies_models_fill_what_the_owners_leave_and_no_more(

@@ -317,7 +317,7 @@ def test_workers_are_listed(client: TestClient, lease: Json, clock: Any) -> None
                 "instances_done": 0,
                 "host_class": host_class({"mujoco": "4.0.1"}),
                 "tags": [],
-                "models": {},
+                "models": {"ishigami": ""},
                 "agreed": 0,
                 "disagreed": 0,
                 "trust": 1.0,

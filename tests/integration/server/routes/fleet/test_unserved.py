@@ -6,6 +6,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from server.logic.fleet.hosts import host_class
+from server.logic.fleet.own_models import own_versions
 from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, posting, result
 
 
@@ -37,6 +38,28 @@ def test_progress_says_why_nobody_who_is_there_works_on_a_study(
     assert "begun with code unknown, mujoco 4.0.1, but this worker has" in why()
     page = client.get(f"/studies/{study['id']}", headers={"Accept": "text/html"}).text
     assert "No worker is on this study now: study" in page and "mujoco 9.9.9" in page
+
+
+@pytest.mark.parametrize("model", ["elbow_passive", "elbow_bushing_effects"])
+def test_a_worker_of_an_older_rehyb_is_told_what_it_lacks_and_progress_and_page_say_so(
+    client: TestClient, model: str
+) -> None:
+    study = client.post("/v1/studies", json={**STUDY, "model": model, "factors": None}).json()
+    own = own_versions() | {"elbow_bushing_effects": "elbow_bushing_effects@0123456789abcdef"}
+    del own["elbow_passive"]
+    named = [*own, *own.values()]
+    refused = client.post("/v1/leases", json=asking(models=named))
+    assert refused.status_code == 409
+    why = refused.json()["detail"]
+    assert f"samples {model}, which" in why and "install the same rehyb" in why
+    path = f"/studies/{study['id']}"
+    assert client.get(f"/v1{path}/progress").json()["why_it_waits"] == why
+    page = client.get(path, headers={"Accept": "text/html"}).text
+    assert f"No worker is on this study now: {why}." in page
+    assert why in client.get("/fleet", headers={"Accept": "text/html"}).text
+    # Of what it has it may have work.
+    client.post("/v1/studies", json=STUDY)
+    assert client.post("/v1/leases", json=asking(models=named)).status_code == 201
 
 
 def test_progress_and_fleet_say_that_rows_wait_for_a_kind_of_machine_that_is_gone(
