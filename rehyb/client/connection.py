@@ -14,7 +14,15 @@ from typing import Any, Self
 
 import httpx2
 
-from rehyb.client.wire import Answer, NotHttpError, Wire, answered, is_plain
+from rehyb.client.wire import (
+    Answer,
+    HungUpError,
+    NotHttpError,
+    Wire,
+    answered,
+    is_plain,
+    speaks_tls,
+)
 from rehyb.errors import (
     Invalid,
     RehybError,
@@ -37,6 +45,8 @@ COMPRESS_BYTES = 50_000
 DEFAULT_URL = "http://127.0.0.1:8787"
 #: Seconds that a session may take to be looked at, or a report to be stored.
 UPLOAD_SECONDS = 300.0
+#: Seconds that a look may take at whether TLS is spoken.
+LOOK_SECONDS = 5.0
 #: Never asked of a proxy, whatever the environment says.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -63,6 +73,8 @@ class Connection:
         #: No answer is waited for beyond this time of the monotonic clock.
         self.answer_by = inf
         self._timeout = timeout
+        #: Whether anything there has ever answered in HTTP.
+        self._answered = False
         headers = {"Authorization": f"Bearer {token}"}
         try:
             address = httpx2.URL(self.url)
@@ -147,11 +159,15 @@ class Connection:
     ) -> Answer:
         timeout = self._patience(self._timeout)
         if self._wire is not None:
-            return self._wire.request(method, url, headers, content, timeout=timeout)
-        given = content or None
-        return answered(
-            self._http.request(method, url, content=given, headers=headers, timeout=timeout)
-        )
+            found = self._wire.request(method, url, headers, content, timeout=timeout)
+        else:
+            found = answered(
+                self._http.request(
+                    method, url, content=content or None, headers=headers, timeout=timeout
+                )
+            )
+        self._answered = True
+        return found
 
     def _patience(self, seconds: float) -> float:
         """Return how long to wait for the other side, `seconds` at most.
@@ -171,13 +187,25 @@ class Connection:
         return self._http.build_request("GET", path).url
 
     def _unreachable(self, error: Exception) -> Unreachable:
-        if found := wrong_protocol(error):
+        if found := wrong_protocol(error, self.url) or self._lacks_tls(error):
             return WrongProtocol(f"no coordinator answers at {self.url}: {found}")
         cause = str(error) or type(error).__name__
         return Unreachable(
             f"no coordinator answers at {self.url} ({cause}): start one with `rehyb up`, "
             "or set REHYB_URL to where it listens"
         )
+
+    def _lacks_tls(self, error: Exception) -> str | None:
+        """Say what to write if what has hung up waits for TLS; None if it does not.
+
+        One that has answered before is being restarted, which need not be disturbed.
+        """
+        if self._answered or not isinstance(error, HungUpError):
+            return None
+        address = self._http.base_url
+        if not speaks_tls(address.host, address.port or 80, min(self._timeout, LOOK_SECONDS)):
+            return None
+        return f"what listens there speaks TLS: write https{self.url.removeprefix('http')}"
 
     def _download(
         self, path: str, target: Path, on_chunk: Callable[[], object] = lambda: None
@@ -225,8 +253,11 @@ def body_of(response: Answer) -> Json:
     return body
 
 
-def wrong_protocol(error: Exception) -> str | None:
-    """Say what is wrong if something answers that is no coordinator; None if nothing does."""
+def wrong_protocol(error: Exception, url: str) -> str | None:
+    """Say what is wrong if something answers that is no coordinator; None if nothing does.
+
+    `url`: what was asked.
+    """
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, NotHttpError):
@@ -235,9 +266,8 @@ def wrong_protocol(error: Exception) -> str | None:
             why = cause.verify_message
             return f"its certificate is not trusted ({why}); SSL_CERT_FILE names one that is"
         if isinstance(cause, ssl.SSLError) and cause.reason == "WRONG_VERSION_NUMBER":
-            return (
-                "what listens there does not speak TLS: an address without it begins with http://"
-            )
+            plain = url.removeprefix("https")
+            return f"what listens there does not speak TLS: write http{plain}"
         cause = cause.__cause__ or cause.__context__
     return None
 

@@ -8,6 +8,7 @@ such a client all the same: `connection` decides.
 import json
 import select
 import socket
+import ssl
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -32,6 +33,10 @@ class WireError(OSError):
 
 class NotHttpError(WireError):
     """The other side does not speak HTTP."""
+
+
+class HungUpError(WireError):
+    """The other side has hung up without a word of an answer."""
 
 
 @dataclass(slots=True)
@@ -146,6 +151,23 @@ class Wire:
         return fresh
 
 
+def speaks_tls(host: str, port: int, seconds: float) -> bool:
+    """Say whether what listens there speaks TLS, whoever it is, and says so in time."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    try:
+        with (
+            socket.create_connection((host, port), seconds) as plain,
+            context.wrap_socket(plain, server_hostname=host),
+        ):
+            return True
+    except ssl.SSLError as error:
+        # It refuses this client, in TLS.
+        return "ALERT" in (error.reason or "")
+    except OSError:
+        return False
+
+
 def is_plain(url: httpx2.URL, token: str, *, direct: bool) -> bool:
     """Say whether a coordinator can be asked over a `Wire`.
 
@@ -185,7 +207,7 @@ class _Reading:
         names = {name.lower() for name, _ in self.headers}
         if not self.begun:
             # So does one that speaks TLS, but who is just being restarted, too.
-            raise WireError("it hung up without an answer; of one with TLS give https://")
+            raise HungUpError("it hung up without an answer; of one with TLS give https://")
         if names & {b"content-length", b"transfer-encoding"}:
             raise WireError("it hung up in the middle of an answer")
         self.complete = True

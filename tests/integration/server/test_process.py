@@ -18,6 +18,7 @@ import pytest
 
 from rehyb import Client, Unreachable
 from server.http.connections import STRANGERS_PER_ADDRESS
+from tests.testbed.coordinators.certificates import self_signed
 from tests.testbed.fleet import warm
 from tests.testbed.fleet.lab import until
 
@@ -278,11 +279,7 @@ def test_with_a_certificate_it_speaks_tls_to_those_who_trust_it(
 ) -> None:
     # An address that is not among those a client takes for itself, for which it asks nobody.
     address = "127.0.0.2"
-    certificate, key = tmp_path / "certificate.pem", tmp_path / "key.pem"
-    made = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2"
-    names = ["-subj", "/CN=lab", "-addext", f"subjectAltName=IP:{address}"]
-    files = ["-keyout", str(key), "-out", str(certificate)]
-    subprocess.run([*made.split(), *names, *files], check=True, capture_output=True)
+    certificate, key = self_signed(tmp_path, address)
     coordinator = start(
         REHYB_HOST=address, REHYB_TLS_CERTIFICATE=str(certificate), REHYB_TLS_KEY=str(key)
     )

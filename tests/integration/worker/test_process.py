@@ -15,6 +15,8 @@ from pathlib import Path
 import pytest
 
 from models.folder import read_folder
+from rehyb.errors import WrongProtocol
+from tests.testbed.coordinators.certificates import self_signed
 from tests.testbed.fleet.bad_network import BadNetwork
 from tests.testbed.fleet.lab import Lab, until
 from tests.testbed.models import EXAMPLES
@@ -209,7 +211,7 @@ def test_posts_that_take_longer_than_a_lease_lose_no_instance(tmp_path: Path) ->
     ("option", "words"),
     [
         (("--token", "wrong"), "token"),
-        (("--url", "https://127.0.0.1:{port}"), "does not speak TLS"),
+        (("--url", "https://127.0.0.1:{port}"), "does not speak TLS: write http://127.0.0.1:"),
         (("--url", "127.0.0.1:{port}"), "is not a coordinator's address: it begins with http://"),
     ],
 )
@@ -222,3 +224,21 @@ def test_what_waiting_does_not_mend_ends_a_worker_at_its_start_in_one_sentence(
     assert "Traceback" not in log
     last = log.splitlines()[-1]
     assert last.startswith("rehyb-worker: ") and words in last
+
+
+def test_who_asks_a_coordinator_with_a_certificate_without_tls_is_told_what_to_write(
+    tmp_path: Path,
+) -> None:
+    certificate, key = self_signed(tmp_path, "127.0.0.1")
+    lab = Lab(tmp_path, REHYB_TLS_CERTIFICATE=str(certificate), REHYB_TLS_KEY=str(key))
+    there = f"127.0.0.1:{lab.port}"
+    said = f"no coordinator answers at http://{there}: what listens there speaks TLS: write https"
+    try:
+        with pytest.raises(WrongProtocol, match=f"^{said}://{there}$"):
+            lab.client.studies()
+        worker = lab.start_worker("--url", f"http://{there}")
+        assert worker.wait(20) == 1
+        last = (tmp_path / "worker-1.log").read_text().splitlines()[-1]
+        assert last == f"rehyb-worker: {said}://{there}"
+    finally:
+        lab.close()

@@ -14,7 +14,7 @@ from sim.evaluation import code
 from worker.doctor import Finding, examine
 from worker.machine import CanaryError, canary, cpu
 
-FAST = "print('[\"c0ffee\", 0.4, [\"elbow@1\"]]')"
+FAST = 'print(\'["c0ffee", 0.4, ["elbow@1"]]\')'
 
 
 @pytest.fixture

@@ -46,7 +46,7 @@ def test_who_has_another_protocol_or_certificate_is_told_from_who_is_not_there()
     client = Client("https://lab", "t", transport=httpx2.MockTransport(refuse))
     for fault.__cause__, words in (
         (certificate, r"not trusted \(self-signed certificate\); SSL_CERT_FILE names one"),
-        (plain, r"does not speak TLS: an address without it begins with http://$"),
+        (plain, r"does not speak TLS: write http://lab$"),
     ):
         with pytest.raises(WrongProtocol, match=words):
             client.studies()
