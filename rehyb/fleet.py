@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO, Self
 
@@ -17,6 +17,8 @@ from rehyb.errors import FleetError
 
 #: What `rehyb coordinator` prints once it accepts connections.
 LISTENING = re.compile(r"^listening on (https?://\S+:(\d+))", re.MULTILINE)
+#: What it has logged last while it waits for its database.
+WAITING = re.compile(r'"event": "(the database is away, and waited for: [^"]*)"[^\n]*\n\Z')
 #: Seconds a coordinator may take to build its database and listen.
 START_SECONDS = 60.0
 #: Seconds for what runs to finish, and then for what is cut short to end.
@@ -43,6 +45,7 @@ class LocalFleet:
         port: 0 takes any free port.
         token: default: the one kept in the directory, made on first use.
         database_url: default: a SQLite file in the directory.
+        say: is told in a sentence what the start waits for, if it is long.
     """
 
     def __init__(
@@ -55,6 +58,7 @@ class LocalFleet:
         port: int = 0,
         token: str | None = None,
         database_url: str | None = None,
+        say: Callable[[str], object] = lambda _: None,
     ) -> None:
         self.directory = directory.resolve()
         self.directory.mkdir(parents=True, exist_ok=True)
@@ -63,6 +67,7 @@ class LocalFleet:
         self.url = ""
         self._workers = workers
         self._models = [word for folder in models for word in ("--models", str(folder.resolve()))]
+        self._say = say
         self._lock: IO[str] | None = None
         self._processes: list[_Process] = []
         self._environment = os.environ | {
@@ -100,7 +105,7 @@ class LocalFleet:
     def _start(self) -> None:
         self._lock = locked(self.directory / "lock")
         coordinator = self._add("coordinator", "rehyb", "coordinator")
-        match = coordinator.wait_for(LISTENING, START_SECONDS)
+        match = coordinator.wait_for(LISTENING, START_SECONDS, self._say)
         port = match.group(2)
         # A coordinator that has to be restarted must come back where its workers look for it.
         self._environment["REHYB_PORT"] = port
@@ -187,14 +192,24 @@ class _Process:
             )
         self._popen = self._started()
 
-    def wait_for(self, pattern: re.Pattern[str], seconds: float) -> re.Match[str]:
+    def wait_for(
+        self, pattern: re.Pattern[str], seconds: float, say: Callable[[str], object]
+    ) -> re.Match[str]:
+        """Return what it writes once it is ready; the time in which it says it waits is its own."""
         deadline = time.monotonic() + seconds
+        told = ""
         while time.monotonic() < deadline:
             ended = self._popen.poll() is not None
-            if match := pattern.search(self._written()):
+            written = self._written()
+            if match := pattern.search(written):
                 return match
             if ended:
                 raise FleetError(f"the {self.name} did not start: {self._last_line()}")
+            if waits := WAITING.search(written):
+                deadline = time.monotonic() + seconds
+                if waits[1] != told:
+                    say(f"{waits[1]}; Ctrl-C gives up")
+                told = waits[1]
             time.sleep(0.05)
         raise FleetError(f"the {self.name} was not ready after {seconds:g} s: see {self._log}")
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from fastapi import FastAPI
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import SQLAlchemyError
+from starlette.datastructures import State
 
 from models.built_in import built_in_models
 from server.clocks import Forward, steady
@@ -86,7 +87,7 @@ _NOUNS = (
 
 
 def create_app(settings: Settings) -> FastAPI:
-    """Return the application; it opens the database when it starts.
+    """Return the application; it opens the database when it starts, if `open_database` has not.
 
     Starting raises SchemaError unless `server.store.upgrade` has been run on the database.
     """
@@ -141,6 +142,8 @@ def _share(app: FastAPI, settings: Settings) -> None:
         settings.lease_seconds,
         follow=lambda moment: float(app.state.clock.follow(moment)),
     )
+    #: Whether `open_database` is done.
+    app.state.is_open = False
     app.state.idle = Idle()
     #: So many uploaded sessions are looked at at once.
     app.state.looks = asyncio.Semaphore(CHECKS)
@@ -149,6 +152,28 @@ def _share(app: FastAPI, settings: Settings) -> None:
     app.state.fleet_history = FleetHistory()
     app.state.hub = Hub(app.state.stopping)
     app.state.sign_in = sign_in.SignIn(settings.token.get_secret_value())
+
+
+def open_database(state: State) -> None:
+    """Do all that a coordinator needs its database for before it can serve; again if that failed.
+
+    Raises:
+        SchemaError: the database is not of this version.
+    """
+    require_current(state.engine)
+    clock = state.clock
+    if clock is state.own_clock:
+        # Several coordinators agree by the one clock that all of them can see.
+        clock = steady(partial(server_time, state.engine))
+    # Set back while nobody served, it would give old leases as much longer.
+    state.clock = Forward(clock)
+    state.clock.follow(lease_operations.latest(state.engine))
+    now = state.clock()
+    state.patience = Patience(seconds=state.settings.stranded_seconds, since=now)
+    model_operations.register_built_in(state.engine, built_in_models().values(), now=now)
+    state.sweep.begin()
+    studies_at_work.make_ready(state.engine)
+    state.is_open = True
 
 
 @asynccontextmanager
@@ -160,18 +185,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     """
     state = app.state
     try:
-        require_current(state.engine)
-        if state.clock is state.own_clock:
-            # Several coordinators agree by the one clock that all of them can see.
-            state.clock = steady(partial(server_time, state.engine))
-        # Set back while nobody served, it would give old leases as much longer.
-        state.clock = Forward(state.clock)
-        state.clock.follow(lease_operations.latest(state.engine))
-        now = state.clock()
-        state.patience = Patience(seconds=state.settings.stranded_seconds, since=now)
-        model_operations.register_built_in(state.engine, built_in_models().values(), now=now)
-        state.sweep.begin()
-        await in_thread(studies_at_work.make_ready, state.engine)
+        if not state.is_open:
+            await in_thread(open_database, state)
         reaper = asyncio.create_task(
             _reap_for_ever(state.sweep, state.engine, state.metrics, state.clock, state.settings)
         )

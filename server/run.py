@@ -8,14 +8,15 @@ import threading
 from typing import Any
 
 import uvicorn
+from fastapi import FastAPI
 
-from server.app import create_app
+from server.app import create_app, open_database
 from server.http.connections import ImpatientProtocol, strangers
 from server.instance_lock import instance_lock
 from server.logs import configure
 from server.operations.check import refuse_damage
 from server.settings import Settings
-from server.store import create_engine, upgrade
+from server.store import upgrade
 from server.store.database.presence import once_there
 
 #: Seconds a stopping coordinator gives requests under way.
@@ -51,30 +52,31 @@ def serve(settings: Settings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, heed)
     with instance_lock(settings.database_url):
-        _make_ready(settings.database_url, stop)
-        if not stop.is_set():
-            _serve(settings)
+        app = create_app(settings)
+        try:
+            _make_ready(app, settings.database_url, stop)
+            if not stop.is_set():
+                _serve(app, settings)
+        finally:
+            app.state.engine.dispose()
 
 
-def _make_ready(url: str, stop: threading.Event) -> None:
+def _make_ready(app: FastAPI, url: str, stop: threading.Event) -> None:
     def look() -> None:
         refuse_damage(url, seconds=CHECK_SECONDS)
         upgrade(url)
+        # Here, not when the server starts: who goes in between is waited for again.
+        open_database(app.state)
 
-    engine = create_engine(url)
-    try:
-        once_there(engine, look, stop=stop)
-    finally:
-        engine.dispose()
+    once_there(app.state.engine, look, stop=stop)
 
 
-def _serve(settings: Settings) -> None:
+def _serve(app: FastAPI, settings: Settings) -> None:
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     with socket.create_server((settings.host, settings.port), family=family) as listener:
         # Connections inherit it. Without it, Nagle's algorithm and delayed acknowledgements hold
         # every answer back for 40 ms.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        app = create_app(settings)
         app.state.strangers = strangers()
         config = uvicorn.Config(
             app,

@@ -40,7 +40,8 @@ def up(
 ) -> None:
     """Run everything on this machine until Ctrl-C.
 
-    Starts a coordinator, its analysis and some workers, and restarts what dies.
+    Starts a coordinator, its analysis and some workers, and restarts what dies. A database that is
+    away is waited for.
 
     REHYB_TOKEN and REHYB_DATABASE_URL are honoured; without them a token and a SQLite database are
     kept in the directory.
@@ -59,6 +60,7 @@ def up(
         port=port,
         token=os.environ.get("REHYB_TOKEN"),
         database_url=os.environ.get("REHYB_DATABASE_URL"),
+        say=lambda sentence: typer.echo(sentence, err=True),
     )
     with interruptible(), fleet:
         with Client(fleet.url, fleet.token) as client:

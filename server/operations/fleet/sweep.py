@@ -56,6 +56,7 @@ class Sweep:
         now = self._clock()
         leases.extend_open_leases(self._engine, now=now, ttl=self._ttl)
         self._none_before = now + self._ttl
+        self._there_at = self._ticks()
 
     def is_due(self) -> bool:
         """Say whether the last look was not just before."""

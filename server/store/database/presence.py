@@ -4,7 +4,7 @@ import logging
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError, SQLAlchemyError
@@ -68,6 +68,7 @@ def once_there(engine: Engine, act: Callable[[], object], *, stop: threading.Eve
     """Do something as soon as a server is there, which may refuse us for good then.
 
     That it is waited for is logged, and when it is there; nothing is done if `stop` is set before.
+    One that goes in the midst is waited for again, and all is done anew.
 
     Raises:
         SQLAlchemyError: the server is there and refuses.
@@ -77,16 +78,30 @@ def once_there(engine: Engine, act: Callable[[], object], *, stop: threading.Eve
         require_answer(engine)
         try:
             act()
-        except SQLAlchemyError:
-            # It may have gone meanwhile.
+        except SQLAlchemyError as error:
             require_answer(engine)
-            raise
+            if engine.dialect.name == "sqlite":
+                raise
+            # It went meanwhile, and is back; or it is there and refuses, as it does again then.
+            _again(act, error)
         return True
 
     def why_away(error: Exception) -> str | None:
         return str(error) if isinstance(error, DatabaseAwayError) else None
 
-    patiently(look, stop=stop, why_away=why_away)
+    presence: Presence | None = engine.get_execution_options()["presence"]
+    with nullcontext() if presence is None else presence.left_to_others():
+        patiently(look, stop=stop, why_away=why_away)
+
+
+def _again(act: Callable[[], object], first: SQLAlchemyError) -> None:
+    """Do what has failed once more; DatabaseAwayError if the connection gets lost again."""
+    try:
+        act()
+    except DBAPIError as error:
+        if error.connection_invalidated:
+            raise DatabaseAwayError(f"the connection is lost: {why_away(error)}") from first
+        raise
 
 
 class Presence:
@@ -97,7 +112,16 @@ class Presence:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._away = False
+        self._away = self._silent = False
+
+    @contextmanager
+    def left_to_others(self) -> Iterator[None]:
+        """Say nothing in the block, in which somebody else waits for the database and says so."""
+        self._silent = True
+        try:
+            yield
+        finally:
+            self._silent = self._away = False
 
     @contextmanager
     def noting(self) -> Iterator[None]:
@@ -114,7 +138,7 @@ class Presence:
     def _turn(self, away: bool, *said: str) -> None:
         with self._lock:
             before, self._away = self._away, away
-        if before != away:
+        if before != away and not self._silent:
             log.warning("%s", ": ".join(said))
 
 

@@ -1,6 +1,7 @@
 """`rehyb coordinator` waits for PostgreSQL, at its start and later, and says so once."""
 
 import re
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -8,8 +9,9 @@ from pathlib import Path
 import httpx2
 import pytest
 
+from tests.testbed.coordinators.cable import Cable
 from tests.testbed.coordinators.postgresql import Server, serving
-from tests.testbed.coordinators.service import Service, running
+from tests.testbed.coordinators.service import PATIENCE_SECONDS, Service, running
 from tests.testbed.fleet.lab import Lab, until
 
 SETTINGS = {"REHYB_TOKEN": "t", "REHYB_PORT": "0"}
@@ -48,6 +50,52 @@ def test_a_coordinator_that_is_stopped_while_it_waits_ends_without_an_error(serv
         assert "waited for" in coordinator.said()
         assert coordinator.stop() == 0
         assert coordinator.is_silent()
+
+
+# The first looks whether anybody is there; the second is of who looks for damage, the fourth of who
+# opens the database to serve.
+@pytest.mark.parametrize(("place", "away"), [(2, True), (4, True), (4, False)])
+def test_a_server_that_goes_while_a_coordinator_starts_is_waited_for_in_one_line(
+    server: Server, place: int, away: bool
+) -> None:
+    went = threading.Event()
+
+    def cut_at(number: int) -> None:
+        if number == place:
+            cable.cut()
+            went.set()
+            if not away:
+                cable.mend()
+
+    cable = Cable(server.database(f"goes_{place}_{int(away)}"), cut_at)
+    try:
+        with running("coordinator", cable.url, **SETTINGS) as coordinator:
+            assert went.wait(PATIENCE_SECONDS)
+            if away:
+                assert "is away, and waited for: its server does not answer" in coordinator.said()
+                cable.mend()
+                assert "the database is back" in coordinator.said()
+            assert httpx2.get(f"{listening(coordinator)}/readyz", trust_env=False).is_success
+            assert coordinator.stop() == 0
+            assert coordinator.is_silent()
+    finally:
+        cable.close()
+
+
+def test_rehyb_up_says_what_its_coordinator_waits_for_and_goes_on_with_it(
+    server: Server, tmp_path: Path
+) -> None:
+    options = ("--directory", str(tmp_path), "--port", "0", "--workers", "0")
+    with ExitStack() as stack:
+        with server.away():
+            up = stack.enter_context(running("up", server.url, *options))
+            assert up.said() == (
+                "the database is away, and waited for: its server does not answer; Ctrl-C gives "
+                "up\n"
+            )
+            assert up.is_silent()
+        assert up.said().startswith("The coordinator listens on http://127.0.0.1:")
+        assert up.stop() == 130
 
 
 def test_what_waiting_does_not_mend_ends_a_coordinator_at_its_start(server: Server) -> None:

@@ -19,12 +19,13 @@ class Service:
     Args:
         command: its name.
         url: of the database.
+        options: of the command.
         settings: other variables of its environment.
     """
 
-    def __init__(self, command: str, url: str, **settings: str) -> None:
+    def __init__(self, command: str, url: str, *options: str, **settings: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "rehyb", command],
+            [sys.executable, "-m", "rehyb", command, *options],
             env=os.environ | {"REHYB_DATABASE_URL": url, **settings},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -61,9 +62,9 @@ class Service:
 
 
 @contextmanager
-def running(command: str, url: str, **settings: str) -> Iterator[Service]:
+def running(command: str, url: str, *options: str, **settings: str) -> Iterator[Service]:
     """Run a command for as long as the block lasts; arguments as of `Service`."""
-    service = Service(command, url, **settings)
+    service = Service(command, url, *options, **settings)
     try:
         yield service
     finally:

@@ -1,8 +1,12 @@
-"""A fleet keeps its token to its owner."""
+"""A fleet keeps its token to its owner, and patience with a coordinator that waits."""
 
+import sys
 from pathlib import Path
 
-from rehyb.fleet import LocalFleet
+import pytest
+
+from rehyb.errors import FleetError
+from rehyb.fleet import LISTENING, LocalFleet, _Process
 
 
 def test_a_token_is_made_once_and_is_for_its_owner_only(tmp_path: Path) -> None:
@@ -15,3 +19,34 @@ def test_a_token_is_made_once_and_is_for_its_owner_only(tmp_path: Path) -> None:
 def test_a_given_token_is_used_and_not_written_down(tmp_path: Path) -> None:
     assert LocalFleet(tmp_path, workers=1, token="given").token == "given"
     assert list(tmp_path.iterdir()) == []
+
+
+#: Waits for three seconds, and says so.
+WAITS = """
+import time
+away = "the database is away, and waited for: its server does not answer"
+print('{"event": "' + away + '", "level": "warning"}', flush=True)
+time.sleep(3.0)
+print('{"event": "the database is back", "level": "warning"}', flush=True)
+"""
+LISTENS = "print('listening on http://127.0.0.1:8787', flush=True); time.sleep(9.0)"
+
+
+@pytest.mark.parametrize("then", [LISTENS, "time.sleep(9.0)"])
+def test_only_the_time_that_a_coordinator_itself_takes_to_start_is_limited(
+    tmp_path: Path, then: str
+) -> None:
+    told: list[str] = []
+    process = _Process(
+        "coordinator", [sys.executable, "-c", WAITS + then], {}, tmp_path / "l" / "c"
+    )
+    try:
+        if then == LISTENS:
+            assert process.wait_for(LISTENING, 1.5, told.append)[2] == "8787"
+        else:
+            with pytest.raises(FleetError, match=r"was not ready after 1\.5 s"):
+                process.wait_for(LISTENING, 1.5, told.append)
+    finally:
+        process.kill()
+    waits = "the database is away, and waited for: its server does not answer; Ctrl-C gives up"
+    assert told == [waits]
