@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 from fastapi import HTTPException
 from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as NoConnectionError
 from starlette.datastructures import Headers
 from starlette.requests import cookie_parser
 from starlette.responses import RedirectResponse
@@ -78,7 +79,7 @@ class Guard:
         refusal: ASGIApp | None
         try:
             refusal = await self._objection(scope)
-        except DBAPIError as error:
+        except (DBAPIError, NoConnectionError) as error:
             # Here, in front of all routes, nobody else answers what is raised.
             refusal = unless_away(error)
         await (refusal or self._app)(scope, receive, send)

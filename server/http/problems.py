@@ -9,6 +9,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as NoConnectionError
 from starlette.exceptions import HTTPException
 
 from server.errors import (
@@ -90,7 +91,8 @@ def install(app: FastAPI) -> None:
         return problem(error.status_code, str(error.detail), headers=error.headers)
 
     @app.exception_handler(DBAPIError)
-    def stuck(_request: Request, error: DBAPIError) -> JSONResponse:
+    @app.exception_handler(NoConnectionError)
+    def stuck(_request: Request, error: Exception) -> JSONResponse:
         return unless_away(error)
 
     @app.exception_handler(Exception)

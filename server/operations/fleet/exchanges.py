@@ -8,6 +8,7 @@ from sqlalchemy.engine import Engine
 
 from server.operations.fleet.exchange import Answer, Deferred, Exchange, Grant, Served
 from server.operations.fleet.turns import next_turn, serve_within, take_turn
+from server.store.database.presence import is_silent
 from server.store.database.write_batching import WriteBatches
 from server.store.fleet.turns import TurnConnection
 
@@ -78,11 +79,22 @@ class Exchanges:
                 async with turns.turn() as turn:
                     found = await take_turn(turn, study, collect, ahead)
                 answers, self._next_study = found.answers, found.next_study
-            except Exception:
+            except Exception as error:
+                self._next_study = ""
+                if is_silent(error):
+                    collect()
+                    _refuse(taken, error)
+                    continue
                 # What comes of it by itself each is told; perhaps the server is away.
                 log.warning("a turn failed: each gets a transaction of its own", exc_info=True)
                 answers = [None for _ in collect()]
-                self._next_study = ""
             for (done, _), answer in zip(taken, answers, strict=True):
                 if not done.cancelled():
                     done.set_result(answer)
+
+
+def _refuse(waiting: Sequence[Waiting], error: Exception) -> None:
+    """Tell those who wait what went wrong: each by itself would wait for as long."""
+    for done, _ in waiting:
+        if not done.cancelled():
+            done.set_exception(error)

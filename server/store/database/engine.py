@@ -5,7 +5,7 @@ import json
 import sqlite3
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar
@@ -28,6 +28,9 @@ KINDS = ("sqlite", "postgresql+psycopg")
 JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 #: Seconds a transaction waits for another process to finish writing.
 BUSY_SECONDS = 30
+#: Seconds that a request waits for a row that another one changes, on PostgreSQL: a worker waits as
+#: long for its answer.
+LOCK_SECONDS = 30
 #: Pages (of 4 kB) of SQLite's write-ahead log. With its own 1000 a busy coordinator would wait for
 #: the disk every hundredth transaction.
 LOG_PAGES = 10_000
@@ -42,7 +45,8 @@ def create_engine(
         url: sqlite:///FILE or postgresql+psycopg://...; the file need not exist yet.
         durability: "full": a commit waits until the disk has it. SQLite does not by itself;
             PostgreSQL does unless its `synchronous_commit` is off.
-        presence: is told how transactions end.
+        presence: is told how transactions end; with one, requests wait for them, and none waits
+            for a lock for longer than `LOCK_SECONDS`.
 
     Raises:
         CoordinatorError: there is no such kind of database, or the URL is none.
@@ -65,8 +69,12 @@ def create_engine(
             sa.event.listen(
                 engine, "connect", lambda driver, _: driver.execute("PRAGMA synchronous = FULL")
             )
-    elif durability == "full":
-        sa.event.listen(engine, "connect", _wait_for_the_disk)
+    else:
+        sa.event.listen(engine, "do_connect", _connect_watched)
+        if durability == "full":
+            sa.event.listen(engine, "connect", _wait_for_the_disk)
+        if presence is not None:
+            sa.event.listen(engine, "connect", _wait_for_no_lock_in_vain)
     return engine
 
 
@@ -231,6 +239,21 @@ def _open_sqlite(connection: Any, _record: Any) -> None:
     # The log is copied into the file, and the disk waited for, when it has so many pages.
     connection.execute(f"PRAGMA wal_autocheckpoint = {LOG_PAGES}")
     connection.execute("PRAGMA foreign_keys = ON")
+
+
+def _connect_watched(
+    _dialect: Any, _record: Any, given: Sequence[Any], named: Mapping[str, Any]
+) -> Any:
+    """Open a PostgreSQL connection on which nobody waits for ever; what the URL says goes first."""
+    # Its driver is there only where PostgreSQL is used.
+    from server.store.database.silence import connect
+
+    return connect(*given, **named)
+
+
+def _wait_for_no_lock_in_vain(connection: Any, _record: Any) -> None:
+    connection.execute(f"SET lock_timeout = '{LOCK_SECONDS}s'")
+    connection.commit()
 
 
 def _wait_for_the_disk(connection: Any, _record: Any) -> None:

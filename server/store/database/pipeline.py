@@ -17,6 +17,15 @@ import psycopg
 from psycopg.adapt import Transformer
 from psycopg.pq import ExecStatus
 
+from server.store.database.silence import (
+    SILENT_SECONDS,
+    TRIP_SECONDS,
+    SilentError,
+    place_of,
+    why_given_up,
+)
+from server.threads import in_thread
+
 Rows = list[tuple[Any, ...]]
 #: A statement, in which %s stands for values, and its values.
 Statement = tuple[str, Sequence[Any]]
@@ -32,6 +41,7 @@ class Pipeline:
 
     def __init__(self, driver: "psycopg.Connection[Any]") -> None:
         self._raw = driver.pgconn
+        self._place = place_of(driver.pgconn)
         # Of its own: that of a connection that is lost is closed before the event loop lets go.
         self._socket = os.dup(driver.pgconn.socket)
         self._failure: psycopg.OperationalError | None = None
@@ -40,6 +50,9 @@ class Pipeline:
         self._names: dict[str, bytes] = {}
         self._loop: asyncio.AbstractEventLoop | None = None
         self._arrival: asyncio.Future[None] | None = None
+        #: When the server is looked at, if the trip under way takes long; and who does.
+        self._watch: asyncio.TimerHandle | None = None
+        self._look: asyncio.Task[None] | None = None
         self._raw.nonblocking = 1
         self._raw.enter_pipeline_mode()
 
@@ -55,6 +68,13 @@ class Pipeline:
         if self._loop is None:
             self._loop = asyncio.get_running_loop()
             self._loop.add_reader(self._socket, self._arrived)
+        self._watch_from(self._loop.time())
+        try:
+            return await self._trip(statements)
+        finally:
+            self._unwatch()
+
+    async def _trip(self, statements: Sequence[Statement]) -> list[Rows]:
         answers: list[bool] = []
         for text, values in statements:
             if text not in self._names:
@@ -79,6 +99,32 @@ class Pipeline:
         if self._socket >= 0:
             os.close(self._socket)
             self._socket = -1
+
+    def _watch_from(self, begun: float) -> None:
+        """Have somebody look at the server in a while, for a trip that has begun at `begun`."""
+        assert self._loop is not None
+        self._watch = self._loop.call_later(SILENT_SECONDS, self._doubt, self._loop, begun)
+
+    def _unwatch(self) -> None:
+        if self._watch is not None:
+            self._watch.cancel()
+        if self._look is not None:
+            self._look.cancel()
+        self._watch = self._look = None
+
+    def _doubt(self, loop: asyncio.AbstractEventLoop, begun: float) -> None:
+        async def look() -> None:
+            waited = loop.time() - begun
+            why = await in_thread(why_given_up, self._place, waited, TRIP_SECONDS)
+            self._look = None
+            if why is None:
+                self._watch_from(begun)
+            else:
+                self._failure = SilentError(why)
+                self.close()
+                self._wake()
+
+        self._look = loop.create_task(look())
 
     def _name(self, text: str) -> None:
         name = self._names[text] = b"trip_%d" % len(self._names)

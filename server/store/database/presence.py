@@ -8,6 +8,7 @@ from contextlib import contextmanager, nullcontext
 
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import TimeoutError as NoConnectionError
 
 from analysis.sensitivity.service import patiently
 from server.errors import DatabaseAwayError
@@ -17,6 +18,8 @@ log = logging.getLogger(__name__)
 #: Seconds a server may take to say that it is there.
 PING_SECONDS = 5
 
+#: PostgreSQL's code of a lock that was not had in time (its documentation, appendix A).
+_LOCK_TIMEOUT = "55P03"
 #: Kinds of SQLite's errors that pass without another request: disk full or failing, file in use.
 _PASSING = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR})
 
@@ -39,7 +42,19 @@ def why_away(error: Exception) -> str | None:
     """
     if isinstance(error, DBAPIError) and (error.connection_invalidated or is_away(error)):
         return str(error.orig).partition("\n")[0]
+    if isinstance(error, NoConnectionError):
+        return "all connections are in use"
     return None
+
+
+def waited_for_lock(error: Exception) -> bool:
+    """Say whether a request gave up since another one keeps what it needs."""
+    return isinstance(error, DBAPIError) and getattr(error.orig, "sqlstate", "") == _LOCK_TIMEOUT
+
+
+def is_silent(error: Exception) -> bool:
+    """Say whether a request failed after its server was silent for long, as the next one would."""
+    return isinstance(error, DBAPIError) and getattr(error.orig, "is_silent", False)
 
 
 def require_answer(engine: Engine) -> None:
@@ -129,7 +144,9 @@ class Presence:
         try:
             yield
         except Exception as error:
-            if (why := why_away(error)) is not None:
+            if waited_for_lock(error):
+                log.warning("a request waited in vain for what another one keeps locked")
+            elif (why := why_away(error)) is not None:
                 self._turn(True, "the database is away or full, and who asks is told to wait", why)
             raise
         if self._away:
