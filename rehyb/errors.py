@@ -23,7 +23,10 @@ class Unreachable(RehybError):
 
 
 class WrongProtocol(Unreachable):
-    """What answers speaks another protocol, or shows a certificate that nobody trusts."""
+    """What answers is no coordinator, or shows a certificate that nobody trusts.
+
+    It may be a web server in between, while the coordinator is away.
+    """
 
 
 class Unauthorized(RehybError):
@@ -97,14 +100,23 @@ _OF_STATUS: Mapping[int, type[RehybError]] = {
 }
 
 
-def refusal(status: int, problem: object, url: str) -> RehybError:
+#: Not every server keeps to those that are registered.
+_PHRASES: Mapping[int, str] = {one.value: one.phrase for one in HTTPStatus}
+#: What a server in between says of a request, which the coordinator would not say otherwise.
+_OF_ANYBODY = (HTTPStatus.REQUEST_ENTITY_TOO_LARGE, HTTPStatus.TOO_MANY_REQUESTS)
+
+
+def refusal(status: int, problem: object, url: str, *, location: str = "") -> RehybError:
     """Return the error that a caller can tell apart, worded by the coordinator.
 
     Args:
         problem: its body, a problem document (RFC 9457) if it came from a coordinator.
+        location: where it sends to instead.
     """
     document: Mapping[str, Any] = problem if isinstance(problem, dict) else {}
-    message = str(document.get("detail") or document.get("title") or HTTPStatus(status).phrase)
+    if not document.keys() & {"detail", "title", "status"}:
+        document = {}
+    message = str(document.get("detail") or document.get("title") or _PHRASES.get(status, ""))
     if pointer := document.get("pointer"):
         message += f" (at {pointer})"
     if errors := [_entry(error) for error in document.get("errors") or ()]:
@@ -113,7 +125,10 @@ def refusal(status: int, problem: object, url: str) -> RehybError:
         status, Invalid if status < HTTPStatus.INTERNAL_SERVER_ERROR else ServerError
     )
     if not document:
-        message = f"{url} answered {status} {message}"
+        message = f"{url} answered {status} {message}".rstrip()
+        if status < HTTPStatus.INTERNAL_SERVER_ERROR and status not in _OF_ANYBODY:
+            to = f"; it sends on to {location}" if location else ""
+            return WrongProtocol(f"{message}, which is no coordinator's word{to}")
     return kind(message, document)
 
 

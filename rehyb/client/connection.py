@@ -278,4 +278,5 @@ def error_of(response: Answer) -> RehybError:
         problem = response.json()
     except ValueError:
         problem = None
-    return refusal(response.status_code, problem, response.url)
+    location = response.header("Location")
+    return refusal(response.status_code, problem, response.url, location=location)

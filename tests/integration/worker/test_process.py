@@ -19,6 +19,7 @@ from rehyb.errors import WrongProtocol
 from tests.testbed.coordinators.certificates import self_signed
 from tests.testbed.fleet.bad_network import BadNetwork
 from tests.testbed.fleet.lab import Lab, until
+from tests.testbed.fleet.web_server import web_server
 from tests.testbed.models import EXAMPLES
 from worker.cli import SAME_SIGNAL_SECONDS
 
@@ -205,6 +206,25 @@ def test_posts_that_take_longer_than_a_lease_lose_no_instance(tmp_path: Path) ->
     finally:
         network.close()
         lab.close()
+
+
+def test_a_web_server_in_the_place_of_a_coordinator_that_is_away_costs_neither_worker_nor_result(
+    lab: Lab,
+) -> None:
+    study = lab.client.submit({**STUDY, "rows": 1000})["id"]
+    worker = lab.start_worker("--batch", "50")
+    until(lambda: lab.client.progress(study)["ok"] > 100)
+    lab.coordinator.kill()
+    lab.coordinator.wait()
+    with web_server(lab.port, [404, 302, 403, 400, 401, 405, 520, 200]) as answered:
+        until(lambda: len(answered) > 6)
+    lab.start_coordinator()
+    until(lambda: lab.client.progress(study)["state"] == "complete", 60.0)
+    assert worker.poll() is None
+    log = (lab.folder / "worker-1.log").read_text()
+    assert "cannot use" not in log and "not taken" not in log
+    attempts = [one["attempts"] for one in lab.client.all_instances(study)]
+    assert all(own.keys() <= {"unheard"} for own in attempts)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 
 from rehyb import Client, Conflict, Invalid, ServerError, Unreachable
 from rehyb.client.connection import COMPRESS_BYTES, DEFAULT_URL, Connection
-from rehyb.errors import WrongProtocol
+from rehyb.errors import RehybError, WrongProtocol
 from tests.testbed.recorder import Recorder
 
 
@@ -50,6 +50,36 @@ def test_who_has_another_protocol_or_certificate_is_told_from_who_is_not_there()
     ):
         with pytest.raises(WrongProtocol, match=words):
             client.studies()
+
+
+@pytest.mark.parametrize(
+    ("status", "kind", "words"),
+    [
+        (404, WrongProtocol, "answered 404 Not Found, which is no coordinator's word"),
+        (
+            301,
+            WrongProtocol,
+            "answered 301 Moved Permanently, which is no coordinator's word; it sends on to "
+            "https://lab/",
+        ),
+        (413, Invalid, "answered 413 Request Entity Too Large"),
+        (429, ServerError, "answered 429 Too Many Requests"),
+        (502, ServerError, "answered 502 Bad Gateway"),
+        (520, ServerError, "answered 520"),
+    ],
+)
+def test_what_a_web_server_in_between_says_is_not_taken_for_a_coordinators_word(
+    status: int, kind: type[RehybError], words: str
+) -> None:
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        headers = {"Location": "https://lab/"} if status == 301 else {}
+        return httpx2.Response(status, html="<p>it is so</p>", headers=headers)
+
+    client = Client("http://lab", "t", transport=httpx2.MockTransport(answer))
+    with pytest.raises(kind) as caught:
+        client.studies()
+    assert type(caught.value) is kind
+    assert str(caught.value) == f"http://lab/v1/studies {words}"
 
 
 @pytest.mark.parametrize(("said", "seconds"), [("12", 12.0), ("", 1.0), ("soon", 1.0)])
