@@ -35,3 +35,5 @@ def configure(level: str) -> None:
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(level.upper())
+    # PostgreSQL's driver warns of what follows from errors that it raises anyway.
+    logging.getLogger("psycopg").setLevel(logging.ERROR)

@@ -124,7 +124,7 @@ def writing(engine: Engine) -> Iterator[Connection]:
 def noted(engine: Engine) -> AbstractContextManager[None]:
     """Return a context whose end is told to whom the engine was made to tell, if to anybody."""
     presence: Presence | None = engine.get_execution_options()["presence"]
-    return nullcontext() if presence is None else presence.noting()
+    return nullcontext() if presence is None else presence.noting(engine.dispose)
 
 
 @contextmanager

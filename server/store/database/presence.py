@@ -18,8 +18,9 @@ log = logging.getLogger(__name__)
 #: Seconds a server may take to say that it is there.
 PING_SECONDS = 5
 
-#: PostgreSQL's code of a lock that was not had in time (its documentation, appendix A).
-_LOCK_TIMEOUT = "55P03"
+#: PostgreSQL's codes of a lock that was not had in time, and of a server that takes no writes, as a
+#: standby that is not promoted yet (its documentation, appendix A).
+_LOCK_TIMEOUT, _READ_ONLY = "55P03", "25006"
 #: Kinds of SQLite's errors that pass without another request: disk full or failing, file in use.
 _PASSING = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR})
 
@@ -32,7 +33,15 @@ def is_away(error: DBAPIError) -> bool:
     if isinstance(error.orig, sqlite3.Error):
         # The low byte is the kind, the others say more (sqlite.org/rescode.html).
         return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in _PASSING
-    return isinstance(error, OperationalError | InterfaceError)
+    return isinstance(error, OperationalError | InterfaceError) or takes_no_writes(error)
+
+
+def takes_no_writes(error: Exception) -> bool:
+    """Say whether a request failed since the server only reads, as it may while another takes over.
+
+    So does what is connected to it until it is connected anew.
+    """
+    return isinstance(error, DBAPIError) and _code_of(error) == _READ_ONLY
 
 
 def why_away(error: Exception) -> str | None:
@@ -49,7 +58,11 @@ def why_away(error: Exception) -> str | None:
 
 def waited_for_lock(error: Exception) -> bool:
     """Say whether a request gave up since another one keeps what it needs."""
-    return isinstance(error, DBAPIError) and getattr(error.orig, "sqlstate", "") == _LOCK_TIMEOUT
+    return isinstance(error, DBAPIError) and _code_of(error) == _LOCK_TIMEOUT
+
+
+def _code_of(error: DBAPIError) -> str | None:
+    return getattr(error.orig, "sqlstate", None)
 
 
 def is_silent(error: Exception) -> bool:
@@ -95,6 +108,9 @@ def once_there(engine: Engine, act: Callable[[], object], *, stop: threading.Eve
             act()
         except SQLAlchemyError as error:
             require_answer(engine)
+            if takes_no_writes(error):
+                engine.dispose()
+                raise DatabaseAwayError("its server takes no writes") from error
             if engine.dialect.name == "sqlite":
                 raise
             # It went meanwhile, and is back; or it is there and refuses, as it does again then.
@@ -139,11 +155,16 @@ class Presence:
             self._silent = self._away = False
 
     @contextmanager
-    def noting(self) -> Iterator[None]:
-        """Take note of how the transaction in the block ends."""
+    def noting(self, renew: Callable[[], object]) -> Iterator[None]:
+        """Take note of how the transaction in the block ends.
+
+        `renew`: has the next one connected anew; called if this one met a server that only reads.
+        """
         try:
             yield
         except Exception as error:
+            if takes_no_writes(error):
+                renew()
             if waited_for_lock(error):
                 log.warning("a request waited in vain for what another one keeps locked")
             elif (why := why_away(error)) is not None:

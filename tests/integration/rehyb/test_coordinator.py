@@ -8,6 +8,7 @@ from pathlib import Path
 
 import httpx2
 import pytest
+import sqlalchemy as sa
 
 from tests.testbed.coordinators.cable import Cable
 from tests.testbed.coordinators.postgresql import Server, serving
@@ -80,6 +81,22 @@ def test_a_server_that_goes_while_a_coordinator_starts_is_waited_for_in_one_line
             assert coordinator.is_silent()
     finally:
         cable.close()
+
+
+def test_a_coordinator_waits_for_a_server_that_only_reads_as_a_standby_does(server: Server) -> None:
+    url = server.database("standby")
+    admin = sa.create_engine(server.url, isolation_level="AUTOCOMMIT")
+    only_read = "ALTER DATABASE standby SET default_transaction_read_only = "
+    with running("coordinator", url, **SETTINGS) as first:
+        listening(first)
+    with admin.connect() as connection:
+        connection.exec_driver_sql(only_read + "on")
+        with running("coordinator", url, **SETTINGS) as coordinator:
+            assert "is away, and waited for: its server takes no writes" in coordinator.said()
+            connection.exec_driver_sql(only_read + "off")
+            assert "the database is back" in coordinator.said()
+            listening(coordinator)
+    admin.dispose()
 
 
 def test_rehyb_up_says_what_its_coordinator_waits_for_and_goes_on_with_it(
