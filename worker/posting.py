@@ -3,7 +3,7 @@
 import logging
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -79,10 +79,7 @@ class Posting:
         self._tries.pop(batch.keys[0], None)
         # Whatever the verdict, it is final: posting the same result again would not change it.
         self.spool.acknowledge(batch.keys)
-        for one in answer["verdicts"]:
-            if one["verdict"] not in TAKEN:
-                said = one["instance"], one["verdict"], one.get("detail")
-                log.warning("the result of instance %s is not taken: %s: %s", *said)
+        _tell_refused(answer["verdicts"])
         self.leases.extend(batch.lease, now)
         if request is not None:
             self.leases.take(answer.get("next"), answer.get("misfit"), now)
@@ -116,3 +113,16 @@ class Posting:
         )
         self.spool.set_aside(batch.keys)
         self._bring_back_at = time.monotonic() + ASIDE_SECONDS
+
+
+def _tell_refused(verdicts: Sequence[Mapping[str, Any]]) -> None:
+    """Say which results are not taken, those that are not for the same reason together."""
+    refused: dict[tuple[str, Any], list[str]] = {}
+    for one in verdicts:
+        if one["verdict"] not in TAKEN:
+            refused.setdefault((one["verdict"], one.get("detail")), []).append(one["instance"])
+    for (verdict, detail), (first, *more) in refused.items():
+        others = f" and of {len(more)} more" if more else ""
+        log.warning(
+            "the result of instance %s%s is not taken: %s: %s", first, others, verdict, detail
+        )

@@ -139,6 +139,17 @@ def test_the_next_lease_comes_with_the_answer_and_lasts_from_before_the_request(
     assert desk.leases.took == [({"id": "n"}, "no such tag", 1000.0)]
 
 
+def test_results_that_are_not_taken_for_one_reason_are_one_line(
+    desk: Desk, caplog: pytest.LogCaptureFixture
+) -> None:
+    desk.coordinator.verdicts = dict.fromkeys("abd", "unknown") | {"c": "conflict"}
+    desk.post()
+    assert caplog.messages == [
+        "the result of instance a and of 2 more is not taken: unknown: why",
+        "the result of instance c is not taken: conflict: why",
+    ]
+
+
 def test_every_verdict_is_final_and_only_those_that_refuse_are_told(
     desk: Desk, caplog: pytest.LogCaptureFixture
 ) -> None:
