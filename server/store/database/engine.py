@@ -28,9 +28,9 @@ KINDS = ("sqlite", "postgresql+psycopg")
 JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 #: Seconds a transaction waits for another process to finish writing.
 BUSY_SECONDS = 30
-#: Seconds that a request waits for a row that another one changes, on PostgreSQL: a worker waits as
-#: long for its answer.
-LOCK_SECONDS = 30
+#: Seconds that a request waits for a row that another one changes, on PostgreSQL: a worker waits
+#: 30 s for an answer, and hears so before.
+LOCK_SECONDS = 20
 #: Pages (of 4 kB) of SQLite's write-ahead log. With its own 1000 a busy coordinator would wait for
 #: the disk every hundredth transaction.
 LOG_PAGES = 10_000

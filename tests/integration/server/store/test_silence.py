@@ -23,11 +23,12 @@ from server.settings import Settings
 from server.store import create_engine
 from server.store.database import pipeline as pipelines
 from server.store.database import silence
-from server.store.database.engine import reading, writing
+from server.store.database.engine import LOCK_SECONDS, reading, writing
 from server.store.database.pipeline import Pipeline
 from server.store.database.presence import Presence, why_away
 from tests.testbed.coordinators.cable import Cable
 from tests.testbed.coordinators.rest_bodies import STUDY, asking, is_problem, posting, result
+from worker.cli import PATIENCE_SECONDS
 
 GONE = "and its server takes no connections"
 
@@ -206,9 +207,10 @@ def test_requests_to_a_coordinator_whose_database_is_silent_get_503_and_lose_not
     ]
 
 
-def test_a_request_waits_for_no_lock_for_longer_than_a_worker_waits_for_it(
+def test_a_request_waits_for_no_lock_for_as_long_as_a_worker_waits_for_it(
     url: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    assert LOCK_SECONDS + silence.SILENT_SECONDS < PATIENCE_SECONDS
     monkeypatch.setattr("server.store.database.engine.LOCK_SECONDS", 1)
     engine = create_engine(url, presence=Presence())
     lock = sa.text("LOCK TABLE studies")
