@@ -14,7 +14,8 @@ from benchmarks.closeloop.unkind.judge import Outcome, from_line
 from benchmarks.closeloop.unkind.laws import Bristles, friction_level
 from benchmarks.closeloop.unkind.search import fooled, simpler
 from benchmarks.closeloop.unkind.session import effort_noise
-from benchmarks.closeloop.unkind.simulate import Bench
+from benchmarks.closeloop.unkind.simulate import Bench, Trial
+from benchmarks.closeloop.unkind.sizing import shown
 from benchmarks.closeloop.unkind.table import right, wilson
 
 
@@ -143,3 +144,20 @@ def test_wilsons_interval_is_that_of_the_textbook() -> None:
     low, high = wilson(8, 10)
     assert (low, high) == (pytest.approx(0.541, abs=0.002), pytest.approx(0.931, abs=0.002))
     assert wilson(0, 5)[0] == 0.0
+
+
+@pytest.mark.parametrize(("height", "chatter", "seen"), [(0.0, 1.0, 0.0), (2.0, 0.0, 2.0)])
+def test_a_push_shows_as_far_as_its_motor_answers_it(
+    height: float, chatter: float, seen: float
+) -> None:
+    """What a controller makes of its encoder's last digit is no answer."""
+    time = np.arange(0.0, 4.0, 1e-3)
+    answer = np.stack([height * (abs(time - 2.0) < 0.5), np.zeros(len(time))], axis=1)
+    quick = chatter * np.sin(np.pi * time / 4.0) * np.sin(2 * np.pi * 60.0 * time)
+    quick = quick[:, None] * [1.0, 0.0]
+    zero = np.zeros((len(time), 2))
+
+    def trial(effort: np.ndarray) -> Trial:
+        return Trial(time=time, q=zero, v=zero, a=zero, effort=effort, known=zero)
+
+    assert shown(trial(answer + quick), trial(zero), 0) == pytest.approx(seen, rel=0.2, abs=0.05)

@@ -4,7 +4,7 @@ import json
 import shutil
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -47,9 +47,11 @@ class Outcome:
     #: Pushes, and those that an event is at.
     pushes: int
     found_pushes: int
-    #: Held-out gain over what the truth would gain; None where nothing is to be gained.
+    #: Held-out gain over what the true torque would gain; None where nothing is to be gained.
     gain: float | None
     seconds: float
+    #: The same over what a fit of the true effects gains; of an arm only.
+    fitted_gain: float | None = None
     #: First line of a refusal or a crash.
     trouble: str = ""
 
@@ -102,7 +104,11 @@ def run(case: Case, folder: Path | None = None, *, whole: bool = False) -> Outco
         trouble = f"refused: {error}"
     except Exception as error:  # a crash is an answer, too, and the bench goes on
         trouble = f"crashed: {type(error).__name__}: {error}"
-    return _outcome(case, truth, report, time.perf_counter() - started, trouble)
+    seconds = time.perf_counter() - started
+    outcome = _outcome(case, truth, report, seconds, trouble)
+    if report is None or case.world != "arm" or not truth["effects"]:
+        return outcome
+    return replace(outcome, fitted_gain=_fitted_gain(folder, outcome, report))
 
 
 def _outcome(
@@ -162,6 +168,34 @@ def _gain(truth: dict[str, Any], report: dict[str, Any]) -> float | None:
         best = max(true["noise"], sqrt(max(said["before"] ** 2 - true["missing"] ** 2, 0.0)))
         if said["before"] > 1.2 * best:
             shares.append((said["before"] - said["after"]) / (said["before"] - best))
+    return sum(shares) / len(shares) if shares else None
+
+
+def _fitted_gain(folder: Path, outcome: Outcome, report: dict[str, Any]) -> float | None:
+    """Return the mean, over joints, of gain over that of the true effects' own regression.
+
+    They are declared by name, without values, in a copy of the session: what is declared is fitted
+    before anything is looked for. None where nothing is to be gained, or where they cannot be
+    declared together.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        told = Path(scratch) / "told"
+        shutil.copytree(folder, told)
+        session = json.loads((told / "session.json").read_text())
+        declared = {(d["effect"], d["joint"]) for d in session.get("declared_effects", [])}
+        declared |= set(outcome.truth)
+        session["declared_effects"] = [{"effect": e, "joint": j} for e, j in sorted(declared)]
+        (told / "session.json").write_text(json.dumps(session))
+        try:
+            fitted = analyse(told).report["error"]["holdout"]
+        except SessionError:
+            # Not all effects can be declared beside each other.
+            return None
+    shares = [
+        (said["before"] - said["after"]) / (said["before"] - fitted[joint]["before"])
+        for joint, said in report.get("error", {}).get("holdout", {}).items()
+        if said["before"] > 1.2 * fitted[joint]["before"]
+    ]
     return sum(shares) / len(shares) if shares else None
 
 
