@@ -243,15 +243,17 @@ def _slopes(
         column = rows.stack({j: slope[:, [j]] for j in rows.samples}, 1)[:, 0]
         if float(column @ column) > 1e-12 * len(column):
             slopes.append(column)
-            assert part.candidate is not None
-            keys.append(((*part.candidate.key, name), part.theta[name]))
+            keys.append(((*part.at.key, name), part.theta[name]))
     return slopes, keys
 
 
 def slopes_of(
     model: Model, coefficients: np.ndarray
 ) -> Iterator[tuple[Term | Channel, str, np.ndarray]]:
-    """Yield every non-linear parameter of an added effect with the prediction's slope over it.
+    """Yield every non-linear parameter of an effect with the prediction's slope over it.
+
+    Of declared effects, too: nobody declared their values. Loads that trials name hang where their
+    own columns say.
 
     Args:
         model: fitted.
@@ -263,9 +265,9 @@ def slopes_of(
     """
     parts: list[Term | Channel] = [*model.terms, *model.channels]
     for part in parts:
-        if part.candidate is None:
+        if isinstance(part, Term) and (part.effect is None or part.load is not None):
             continue
-        for parameter in part.candidate.effect.nonlinear:
+        for parameter in part.at.effect.nonlinear:
             if parameter.step is None:
                 continue
             name, value = parameter.name, part.theta[parameter.name]
@@ -278,13 +280,12 @@ def slopes_of(
 
 
 def moved(model: Model, part: Term | Channel, name: str, value: float) -> Model:
-    """Return the model with one non-linear parameter of an added effect moved."""
+    """Return the model with one non-linear parameter of an effect moved."""
     theta = {**part.theta, name: value}
     if isinstance(part, Channel):
         moved = replace(part, theta=theta)
         return replace(model, channels=tuple(moved if c is part else c for c in model.channels))
-    assert part.candidate is not None
     joint = unfitted(model.recording, part.joint)
-    columns = part.candidate.effect.columns(joint, theta)
+    columns = part.at.effect.columns(joint, theta)
     moved_term = replace(part, theta=theta, columns=columns)
     return replace(model, terms=tuple(moved_term if t is part else t for t in model.terms))

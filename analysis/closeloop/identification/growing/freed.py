@@ -17,8 +17,10 @@ def freed(model: Model, score: Score, rows: Rows) -> Model:
     """Return the model with the non-linear parameters of its effects free to first order."""
     found = model
     for part, _, slope in slopes_of(model, score.coefficients):
+        if part.candidate is None:
+            # Of declared effects they are chosen again (`declared_again`).
+            continue
         columns = {joint: slope[:, [joint]] for joint in rows.joints}
-        assert part.candidate is not None
         term = Term(joint=part.candidate.joint, columns=columns)
         found = with_independent(found, term, rows)
     return found
