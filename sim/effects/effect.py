@@ -153,6 +153,10 @@ class Effect(ABC):
         """Return the lower bound of a coefficient."""
         return self.lower[min(column, len(self.lower) - 1)]
 
+    def unlikely(self, joint: RecordedJoint) -> bool:
+        """Return whether another name that is as good is to be given first."""
+        return False
+
     def limits(self, joint: RecordedJoint) -> Limits:
         """Return the closed interval in which each parameter is physical at a joint."""
         return {name: (p.floor, p.ceiling) for name, p in self.parameters.items()}

@@ -73,6 +73,8 @@ class Recording(Protocol):
 
     @property
     def limbs(self) -> tuple[int, ...]: ...
+    @property
+    def gravity(self) -> np.ndarray: ...
 
     def is_hinge(self, joint: int) -> bool:
         """Return whether the joint turns; else it slides."""

@@ -9,7 +9,7 @@ from analysis.closeloop.identification.balance.luck import (
     comes_in_time,
     more_than_luck,
 )
-from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import (
     Rows,
     Score,
@@ -56,7 +56,7 @@ def choose(
             equals.append(option)
     taken = min(equals, key=lambda o: (_new_parameters(o), -o.gain))
     rivals = [o for o in equals if not _nested(o, taken)]
-    taken = min(rivals, key=_information)
+    taken = min(rivals, key=lambda o: (_unlikely(o), _information(o)))
     for twin in equals:
         # A twin with one parameter more fits at least as well; by luck, or because it is the one?
         if taken.candidate.effect.name in twin.candidate.effect.twins:
@@ -93,6 +93,12 @@ def _of_form(option: Option, model: Model, rows: Rows) -> bool:
     """Whether an option only corrects the form of what is there, or how its friction turns."""
     turning = free_turning(model, option.candidate.joint)
     return only_form(option.candidate, option.model, model, rows, turning)
+
+
+def _unlikely(option: Option) -> bool:
+    """Whether an option says of its joint what whoever set it up would have seen."""
+    joint = unfitted(option.model.recording, option.candidate.joint)
+    return option.candidate.effect.unlikely(joint)
 
 
 def _information(option: Option) -> float:

@@ -184,7 +184,7 @@ def undetermined(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def of_gravity(recording: Recording, entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a warning for every joint at which gravity seems to be another than declared."""
-    declared = recording.device.model.opt.gravity
+    declared = recording.gravity
     lines = []
     for entry in entries:
         further = [entry["parameters"].get(name, {}).get("value") for name in FURTHER_GRAVITY]

@@ -192,6 +192,11 @@ class Recording:
             self.cache[key] = self.chain.link_torque(body)
         return self.cache[key]
 
+    @property
+    def gravity(self) -> np.ndarray:
+        """Declared gravity, m/s2, (3,)."""
+        return np.asarray(self.device.model.opt.gravity)
+
     def weight(self, joint: int) -> np.ndarray:
         """Return what holds a joint in one m/s2 of gravity along x, y and z, (n, 3)."""
         key = ("weight", joint)

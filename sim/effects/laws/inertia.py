@@ -30,6 +30,9 @@ MAX_REMOVED = 0.7
 #: What turns gravity round at a limb that is half as heavy again as declared, m/s2: no wrong
 #: direction, balance or compensation does more.
 TURNED_ROUND = 2.5 * 9.81
+#: A joint's torque by gravity, over that about a level axis, where the axis stands upright to
+#: within 10 degrees.
+UPRIGHT = float(np.sin(np.radians(10.0)))
 
 
 class Payload(Effect):
@@ -261,6 +264,12 @@ class GravityTorque(Law):
             name: Reading(column=0, scale=share)
             for name, share in zip(self.parameters, along, strict=True)
         }
+
+    def unlikely(self, joint: RecordedJoint) -> bool:
+        # Who sets up an axis upright sees that it stands; a model without gravity says nothing.
+        gravity = joint.recording.gravity
+        level = np.linalg.norm(gravity) * np.linalg.norm(joint.weight)
+        return bool(np.linalg.norm(joint.weight @ gravity) < UPRIGHT * level)
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         held: Signal = motion.weight @ np.array([parameters[name] for name in self.parameters])

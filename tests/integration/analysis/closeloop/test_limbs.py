@@ -196,3 +196,15 @@ def test_a_spring_that_hardens_stays_one_where_gravity_pulls(tmp_path: Path) -> 
     (found,) = report["effects"]
     assert found["name"] == "nonlinear_stiffness"
     assert found["parameters"]["cubic_stiffness"]["value"] == pytest.approx(3.0, rel=0.05)
+
+
+def test_an_axis_that_stands_upright_may_be_tilted_but_that_is_said_last(tmp_path: Path) -> None:
+    mjcf = LIMB.changed('gravity="0 0 0"', 'gravity="0 0 -9.81"')
+    upright = replace(LIMB, mjcf=mjcf, centre=(0.6,))
+    truth = upright.changed(ATTRIBUTES, f"{ATTRIBUTES} {LIMP}")
+    report = answer(tmp_path, upright, truth, lambda _t, q, _v: -0.8 * (q - 1.0) ** 3)
+    (found,) = report["effects"]
+    assert found["name"] == "nonlinear_stiffness"
+    assert found["indistinguishable_from"] == ["gravity_torque"]
+    low, high = report["impedance"]["elbow"]["stiffness"]["ci90_after"]
+    assert low < STIFFNESS < high

@@ -268,12 +268,16 @@ def test_friction_and_damping_of_each_direction_s_own_are_one_effect(
     assert option.gain > 0.95 * score.loss
 
 
-def test_of_forms_that_predict_alike_the_one_that_fits_is_taken() -> None:
-    """The curve has to extrapolate to a group that goes further; it fits twice as well."""
-    losses = np.linspace(0.9, 1.1, 40)
+def taken_of_alike(fits: dict[str, float], unlikely: str = "") -> str:
+    """Return which of two names is taken that predict alike, and leave so much where they fit.
 
-    def option(name: str, sse: float) -> Any:
-        return SimpleNamespace(
+    Args:
+        fits: sums of squares by name.
+        unlikely: which says what whoever set the joint up would have seen.
+    """
+    losses = np.linspace(0.9, 1.1, 40)
+    options: Any = [
+        SimpleNamespace(
             candidate=Candidate(effect=BY_NAME[name], joint=0),
             model=None,
             score=SimpleNamespace(losses=losses, sse=sse),
@@ -281,29 +285,33 @@ def test_of_forms_that_predict_alike_the_one_that_fits_is_taken() -> None:
             refused="",
             replaced=frozenset(),
         )
+        for name, sse in fits.items()
+    ]
+    current: Any = SimpleNamespace(losses=26 * losses, loss=26 * losses.sum())
+    rows: Any = SimpleNamespace(
+        effort_power=lambda joint: 1.0,
+        smoothing_power=lambda joint: 1.0,
+        fold_of_block=np.arange(40) % 4,
+    )
+    model: Any = None
+    room = "analysis.closeloop.identification.selection"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(f"{room}.only_presliding", lambda *_: False)
+        patch.setattr(f"{room}.carries_more", lambda *_: False)
+        patch.setattr(f"{room}._unlikely", lambda o: o.candidate.effect.name == unlikely)
+        step = choose(options, model, current, rows, 1.0, 0.0)
+    assert step is not None
+    return step.taken.candidate.effect.name
 
-    def taken(sse: float) -> str:
-        options = [
-            option("load_dependent_friction", 80.0),
-            option("position_dependent_friction", sse),
-        ]
-        current: Any = SimpleNamespace(losses=26 * losses, loss=26 * losses.sum())
-        rows: Any = SimpleNamespace(
-            effort_power=lambda joint: 1.0,
-            smoothing_power=lambda joint: 1.0,
-            fold_of_block=np.arange(40) % 4,
-        )
-        model: Any = None
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(
-                "analysis.closeloop.identification.selection.only_presliding", lambda *_: False
-            )
-            patch.setattr(
-                "analysis.closeloop.identification.selection.carries_more", lambda *_: False
-            )
-            step = choose(options, model, current, rows, 1.0, 0.0)
-        assert step is not None
-        return step.taken.candidate.effect.name
 
-    assert taken(40.0) == "position_dependent_friction"
-    assert taken(78.0) == "load_dependent_friction"
+def test_of_forms_that_predict_alike_the_one_that_fits_is_taken() -> None:
+    """The curve has to extrapolate to a group that goes further; it fits twice as well."""
+    load, position = "load_dependent_friction", "position_dependent_friction"
+    assert taken_of_alike({load: 80.0, position: 40.0}) == position
+    assert taken_of_alike({load: 80.0, position: 78.0}) == load
+
+
+def test_of_names_that_predict_alike_an_unlikely_one_comes_last_though_it_fits() -> None:
+    fits = {"gravity_torque": 40.0, "nonlinear_stiffness": 80.0}
+    assert taken_of_alike(fits) == "gravity_torque"
+    assert taken_of_alike(fits, unlikely="gravity_torque") == "nonlinear_stiffness"
