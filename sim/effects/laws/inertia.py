@@ -118,7 +118,10 @@ class Payload(Effect):
         return centre
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
-        place = [parameters[name] for name in PLACE if name in parameters]
+        # A way that no joint feels may be any.
+        place = [parameters.get(name, 0.0) for name in PLACE]
+        if not parameters.keys() & {"distance", *PLACE}:
+            raise ValueError("nothing says where it hangs")
         add_point_mass(spec, joint, parameters["mass"], parameters.get("distance", place))
         return self.element
 

@@ -175,3 +175,13 @@ def test_asymmetric_friction_rubs_and_damps_each_direction_in_its_own_way(
     damped = {"viscous_difference": 0.4, "viscous_mean": 0.5}
     model = added("asymmetric_friction", PARAMETERS["asymmetric_friction"] | damped)
     assert applied_torque(model, 0.0, v) == pytest.approx(torque, abs=5e-3)
+
+
+def test_a_load_hangs_in_the_model_though_no_joint_felt_one_of_its_ways() -> None:
+    changed = spec()
+    BY_NAME["payload"].add(changed, "elbow", {"mass": 2.7, "position_x": 0.16})
+    body = mujoco.MjModel.body(changed.compile(), "forearm")
+    before = mujoco.MjModel.body(spec().compile(), "forearm")
+    assert body.mass[0] == pytest.approx(before.mass[0] + 2.7)
+    with pytest.raises(ValueError, match="nothing says where it hangs"):
+        BY_NAME["payload"].add(spec(), "elbow", {"mass": 2.7})
