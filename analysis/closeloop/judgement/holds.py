@@ -119,11 +119,14 @@ def away_events(recording: Recording, joint: int) -> Iterator[Event]:
             back = abs(away[-1]) < (1.0 - RETURNS) * abs(away[top])
             # Of an effort that is not recorded nothing can be said.
             if abs(away[top]) > PEAK * usual and back and away @ push < 0.0:
+                # It may creep back for seconds.
+                far = np.flatnonzero(np.abs(away) > RETURNS * abs(away[top]))
+                clock = recording.time[piece.start + run.start :]
                 yield Event(
                     trial=int(recording.trial[piece.start]),
                     joint=joint,
-                    begin=float(recording.time[piece.start + run.start]),
-                    end=float(recording.time[piece.start + run.stop - 1]),
+                    begin=float(clock[far[0]]),
+                    end=float(clock[far[-1]]),
                     peak=float(push[np.argmax(np.abs(push))]),
                 )
 

@@ -174,14 +174,13 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
                 continue
             inside = np.arange(piece.start + edge, piece.stop - edge, step)
             inside = inside[recording.usable[inside]]
+            if recording.disturbed is not None:
+                inside = inside[~recording.disturbed[inside, joint]]
             moving = ~recording.resting(joint, piece)[inside - piece.start]
+            # What is left of a joint that somebody pushed may be its rests alone.
             if moving.sum() * step / recording.rate < 0.2:
                 continue
             rows = inside if rests else inside[moving]
-            if recording.disturbed is not None:
-                rows = rows[~recording.disturbed[rows, joint]]
-            if not len(rows):
-                continue
             chosen.append(rows)
             clock = recording.time[rows] - recording.time[piece.start]
             within = (clock / BLOCK_SECONDS).astype(int)

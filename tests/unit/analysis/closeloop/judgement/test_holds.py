@@ -8,7 +8,9 @@ import pytest
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.identification.balance.model import Model
-from analysis.closeloop.judgement.events import find_events
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.findings import Event
+from analysis.closeloop.judgement.events import find_events, spared
 from analysis.closeloop.judgement.floor import last_digit
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
@@ -146,6 +148,15 @@ def test_a_push_below_the_effort_s_noise_shows_by_where_the_joint_goes(
     events = find_events(Model(still), still)
     assert len(events) == found
     assert all(11.9 < event.begin < 12.2 < 12.8 < event.end < 13.2 for event in events)
+
+
+def test_a_joint_that_only_a_push_moves_has_nothing_to_fit(recording: Recording) -> None:
+    """Once the push is left out its rests are no motion, whether they are kept or not."""
+    pushed = holding(recording, 0.03 * bump(12.0, 0.8), -0.8 * bump(12.0, 0.8), sag=0.0)
+    assert select_rows(pushed, (0,)).joints == (1,)
+    left = spared(pushed, (Event(trial=0, joint=1, begin=11.5, end=13.5, peak=-0.8),))
+    for rests in (False, True):
+        assert select_rows(left, (0,), rests=rests).joints == ()
 
 
 def test_an_arm_that_sags_as_its_trial_begins_is_not_pushed(recording: Recording) -> None:
