@@ -260,10 +260,12 @@ class Structure:
 
 
 class CrossJointCoupling(Law):
-    """Torque at one joint from the position and velocity of another.
+    """Torque at one joint from the position and velocity of another, or from how far both part.
 
     As of a spring, nobody knows beforehand where it is without torque. A tendon or a belt may pass
-    over joints between, so every other joint that moves is asked.
+    over joints between, so every other joint that moves is asked. A belt between two joints is
+    stretched by the difference of their positions: of a coupling and a spring of the joint's own
+    neither explains anything alone where both joints move alike.
     """
 
     name = "cross_joint_coupling"
@@ -276,12 +278,17 @@ class CrossJointCoupling(Law):
         damping=Parameter("Nm s/rad", "over the other's velocity"),
         torque_at_zero=Parameter("Nm", "what the motor adds at the other's position 0"),
         other_dof=Parameter("1", "number of the other joint"),
+        between=Parameter(
+            "1", "1 if both are over the other's less the joint's own, as of a belt", choice=True
+        ),
     )
     coefficients = ("stiffness", "damping", "torque_at_zero")
-    nonlinear = (Nonlinear("other_dof"),)
+    nonlinear = (Nonlinear("other_dof"), Nonlinear("between", (0.0, 1.0)))
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         position, velocity = motion.other(int(parameters["other_dof"]))
+        if parameters.get("between", 0.0):
+            position, velocity = position - motion.position, velocity - motion.velocity
         elastic = parameters["stiffness"] * position + parameters["torque_at_zero"]
         return elastic + parameters["damping"] * velocity
 
@@ -289,7 +296,13 @@ class CrossJointCoupling(Law):
         return bool(_others(recording, joint))
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
-        return [{"other_dof": float(other)} for other in _others(joint.recording, joint.number)]
+        # A limb has a stiffness of its own, which nothing tells from a belt's.
+        forms = (0.0,) if joint.number in joint.recording.limbs else (0.0, 1.0)
+        return [
+            {"other_dof": float(other), "between": form}
+            for other in _others(joint.recording, joint.number)
+            for form in forms
+        ]
 
 
 def _others(recording: Recording, joint: int) -> list[int]:
