@@ -45,7 +45,14 @@ def choose(
     """
     worth = [o for o in options if _worth(o, model, current, rows, least)]
     worth = [o for o in worth if not only_presliding(o.candidate, o.model, model, rows, least)]
-    worth = [o for o in worth if o.gain > of_form or not _of_form(o, model, rows)]
+    worth = [
+        o
+        for o in worth
+        if o.gain > of_form
+        # An error of form is not taken nearly whole by another law.
+        or takes_all(current.losses, o.score.losses)
+        or not _of_form(o, model, rows)
+    ]
     if not worth:
         return None
     best = worth[0]
