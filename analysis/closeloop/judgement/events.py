@@ -91,7 +91,8 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
         known = expected.get(joint)
         abrupt = 0.0 if known is None else ABRUPT * upper_octave(recording, joint)
         found += rest_events(recording, joint, friction.get(joint, 0.0), known, abrupt)
-        if known is None:
+        if not expected:
+            # Where another joint moves, its reaction takes this one along.
             found += away_events(recording, joint)
     return tuple(sorted(_joined(found), key=lambda one: (one.begin, one.joint)))
 

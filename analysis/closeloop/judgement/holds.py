@@ -90,12 +90,12 @@ def rest_events(
 
 
 def away_events(recording: Recording, joint: int) -> Iterator[Event]:
-    """Yield where a joint that hardly moves by itself goes away against its motor, and comes back.
+    """Yield where a joint of a still arm goes away against its motor, and comes back.
 
     A push of a few times the effort's noise moves it by far more than its encoder's.
 
     Args:
-        recording: all trials.
+        recording: all trials, in which no joint moves by itself.
         joint: which.
     """
     trials = np.unique(recording.trial)

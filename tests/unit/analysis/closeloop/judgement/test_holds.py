@@ -150,6 +150,18 @@ def test_a_push_below_the_effort_s_noise_shows_by_where_the_joint_goes(
     assert all(11.9 < event.begin < 12.2 < 12.8 < event.end < 13.2 for event in events)
 
 
+def test_a_joint_that_another_one_takes_along_is_not_pushed(recording: Recording) -> None:
+    """The shoulder swings, and the elbow gives way now and then, its controller against it."""
+    gives_way = bump(6.0, 1.5) + bump(12.0, 1.5)
+    held = holding(recording, 0.003 * gives_way, -0.8 * NOISE * gives_way, sag=0.0)
+    swing = 0.4 * np.sin(2 * np.pi * 0.7 * TIME)
+    both = moved(held, np.column_stack([swing, held.position[:, 1]]), RATE)
+    effort = both.static + both.filtered(np.column_stack([5.0 * np.gradient(swing, TIME)] * 2))
+    effort[:, 1] = held.effort[:, 1]
+    both = replace(both, session=held.session, effort=effort, joints=(0,), cache={})
+    assert not [event for event in find_events(Model(both), both) if event.joint == 1]
+
+
 def test_a_joint_that_only_a_push_moves_has_nothing_to_fit(recording: Recording) -> None:
     """Once the push is left out its rests are no motion, whether they are kept or not."""
     pushed = holding(recording, 0.03 * bump(12.0, 0.8), -0.8 * bump(12.0, 0.8), sag=0.0)
