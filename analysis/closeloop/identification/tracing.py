@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.arms.breakaway import with_breakaway
 from analysis.closeloop.identification.arms.explainable import explainable_by_joint
 from analysis.closeloop.identification.arms.holdouts import not_worse
 from analysis.closeloop.identification.arms.robot import completed, traced_robot, weighed
@@ -67,6 +68,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     grown = regrown(grown, declared, rows, before, progress)
     if grown.steps and not limbs:
         grown = completed(grown, rows, before)
+    grown, held = (grown, ()) if limbs else with_breakaway(grown, rows)
     grown, refusals = held_in_octaves(grown, rows)
     grown, unsure = determined(grown, rows)
     grown, notes = not_worse(grown, declared, rows)
@@ -78,7 +80,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         score=grown.score,
         steps=grown.steps,
         explainable_after=beyond,
-        notes=(*refusals, *unsure, *notes),
+        notes=(*held, *refusals, *unsure, *notes),
     )
     return _with_rests(_judged(found))
 
@@ -87,7 +89,8 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
     """Find what the declared model of a device without a limb lacks."""
     rows = weighed(declared, rows)
     before = evaluate(declared, rows)
-    grown, refusals = held_in_octaves(traced_robot(declared, rows, progress), rows)
+    grown, held = with_breakaway(traced_robot(declared, rows, progress), rows)
+    grown, refusals = held_in_octaves(grown, rows)
     grown, unsure = determined(grown, rows)
     grown, notes = not_worse(grown, declared, rows)
     progress("what splines can explain")
@@ -106,7 +109,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
                 explainable_after=explainable_by_joint(grown.model, rows)
                 if grown.steps
                 else beyond,
-                notes=(*refusals, *unsure, *notes),
+                notes=(*held, *refusals, *unsure, *notes),
             )
         )
     )

@@ -11,6 +11,7 @@ from models.mjcf.compiling import compiled
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.elements import set_inertia
 
+COULOMB = "coulomb_friction"
 ALL = "these trials do not determine all its parameters"
 
 
@@ -43,11 +44,16 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
             elements.append("body/inertial")
             continue
         values = {name: entry["value"] for name, entry in effect["parameters"].items()}
+        name = effect["name"]
         if None in values.values():
-            elements.append("none: not every parameter is determined")
-            warnings.append(f"model_after.xml lacks {effect['name']} of {effect['joint']}: {ALL}")
-            continue
-        spec, element, lacking = _with_effect(spec, effect["name"], effect["joint"], values)
+            where = f"{name} of {effect['joint']}: {ALL}"
+            if COULOMB not in BY_NAME[name].includes or values.get("torque") is None:
+                elements.append("none: not every parameter is determined")
+                warnings.append(f"model_after.xml lacks {where}")
+                continue
+            warnings.append(f"model_after.xml has {COULOMB} in the place of {where}")
+            name, values = COULOMB, {"torque": values["torque"]}
+        spec, element, lacking = _with_effect(spec, name, effect["joint"], values)
         elements.append(element or "none: described in the report only")
         warnings += lacking
     compiled(spec)

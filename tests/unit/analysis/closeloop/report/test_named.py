@@ -71,6 +71,27 @@ def test_a_refused_mass_has_no_value_and_is_not_in_the_model() -> None:
     assert model.body("forearm").mass[0] == pytest.approx(device.model.body("forearm").mass[0])
 
 
+def test_friction_whose_excess_is_not_determined_is_in_the_model_as_coulombs() -> None:
+    device = Device(mujoco.MjSpec.from_string(mjcf(Arm())), ())
+    values = {"torque": 0.7, "breakaway_excess": None, "stribeck_velocity": None}
+    effect = {
+        "name": "stribeck_friction",
+        "joint": "elbow",
+        "parameters": {key: {"value": value} for key, value in values.items()},
+    }
+    report = {
+        "declared": [],
+        "impedance": {},
+        "verdict": Verdict.EFFECT_FOUND,
+        "effects": [effect],
+    }
+    xml, elements, (said,) = repaired_model(device, report)
+    assert said.startswith("model_after.xml has coulomb_friction in the place of stribeck_friction")
+    assert elements == ["joint/@frictionloss"]
+    model = mujoco.MjModel.from_xml_string(xml)
+    assert model.dof_frictionloss[model.joint("elbow").dofadr[0]] == 0.7
+
+
 @pytest.mark.parametrize(
     ("name", "parameters"),
     [
