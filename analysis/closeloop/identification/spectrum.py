@@ -11,6 +11,8 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.signal import welch
 
+from analysis.closeloop.session.signals import rms
+
 #: A line or a band is this many times its surroundings.
 RATIO = 12.0
 WINDOW_SECONDS = 4.0
@@ -20,7 +22,8 @@ LEAST_SAMPLES = 256
 LOWEST = 2
 #: A band spans so many times its lowest frequency, and its feet lie so many times beyond.
 WIDTH, FOOT = 2.0, 4.0
-#: A band's least root mean square over that of the joint's effort.
+#: Least root mean square of a band over that of the joint's effort, and of a line over that of the
+#: effort's own line: what a motion leaves of itself, a fraction of a sample late, drives itself.
 MIN_SHARE = 0.01
 
 
@@ -34,20 +37,26 @@ class Peak:
 
 
 def peaks(
-    residuals: list[np.ndarray], rate: float, effort_rms: float, highest_hz: float
+    residuals: list[np.ndarray], efforts: list[np.ndarray], rate: float, highest_hz: float
 ) -> list[Peak]:
     """Return the narrow lines of a joint's residual, or else its strongest band.
 
     Args:
         residuals: one array per stretch, even clock.
+        efforts: the joint's effort at the same times, in the residual's unit.
         rate: Hz.
-        effort_rms: of the joint's effort, in the residual's unit.
         highest_hz: up to where to look for bands; near the cutoff of the kinematics the noise of
             the acceleration makes one.
     """
     frequency, power = _spectrum(residuals, rate)
-    return _lines(frequency, power) or _bands(
-        frequency[frequency <= FOOT * highest_hz], power, MIN_SHARE * effort_rms
+    effort = _spectrum(efforts, rate)[1]
+    # A controller that is slower than the recorder leaves every other sample older than the one
+    # before: what the motion drives comes back as far below half of the rate.
+    driven = np.maximum(effort, effort[::-1])
+    return _lines(frequency, power, MIN_SHARE**2 * driven) or _bands(
+        frequency[frequency <= FOOT * highest_hz],
+        power,
+        MIN_SHARE * rms(np.concatenate(efforts)),
     )
 
 
@@ -56,7 +65,9 @@ def strongest_line(residuals: list[np.ndarray], rate: float) -> Peak | None:
 
     Args: as of `peaks`.
     """
-    return max(_lines(*_spectrum(residuals, rate)), key=lambda line: line.rms, default=None)
+    frequency, power = _spectrum(residuals, rate)
+    lines = _lines(frequency, power, np.zeros(len(power)))
+    return max(lines, key=lambda line: line.rms, default=None)
 
 
 def below(signals: np.ndarray, cutoff: float, rate: float, pieces: Sequence[slice]) -> np.ndarray:
@@ -84,8 +95,14 @@ def _spectrum(residuals: list[np.ndarray], rate: float) -> tuple[np.ndarray, np.
     return spectra[0][0], np.asarray(power)
 
 
-def _lines(frequency: np.ndarray, power: np.ndarray) -> list[Peak]:
-    """Return what stands out on both sides: without one below, a line is a slope's upper end."""
+def _lines(frequency: np.ndarray, power: np.ndarray, least: np.ndarray) -> list[Peak]:
+    """Return what stands out on both sides: without one below, a line is a slope's upper end.
+
+    Args:
+        frequency: of the spectrum's lines, Hz, (lines,).
+        power: at each.
+        least: power that an oscillation has there.
+    """
     lines = []
     for i in range(LOWEST + 4, len(power) - 4):
         sides = power[max(LOWEST, i - 24) : i - 3], power[i + 4 : i + 25]
@@ -94,9 +111,12 @@ def _lines(frequency: np.ndarray, power: np.ndarray) -> list[Peak]:
         highest = highest and power[i] > 3.0 * max(side.max(initial=0.0) for side in sides)
         around = max(float(np.median(side)) for side in sides if len(side))
         if highest and power[i] > RATIO * around:
-            rms = float(np.sqrt(power[i - 2 : i + 3].sum() * frequency[1]))
+            near = slice(i - 2, i + 3)
+            if power[near].sum() <= least[near].sum():
+                continue
+            size = float(np.sqrt(power[near].sum() * frequency[1]))
             at = float(frequency[i])
-            lines.append(Peak(low_hz=0.9 * at, high_hz=1.1 * at, rms=rms))
+            lines.append(Peak(low_hz=0.9 * at, high_hz=1.1 * at, rms=size))
     return lines
 
 
@@ -114,7 +134,7 @@ def _bands(frequency: np.ndarray, power: np.ndarray, least: float) -> list[Peak]
             (frequency >= 2.0 * high) & (frequency <= FOOT * high),
         )
         around = max(float(power[foot].mean()) for foot in feet)
-        rms = float(np.sqrt(power[inside].sum() * frequency[1]))
-        if rms > least and float(power[inside].mean()) > RATIO * around:
-            found.append(Peak(low_hz=float(low), high_hz=float(high), rms=rms))
+        size = float(np.sqrt(power[inside].sum() * frequency[1]))
+        if size > least and float(power[inside].mean()) > RATIO * around:
+            found.append(Peak(low_hz=float(low), high_hz=float(high), rms=size))
     return [max(found, key=lambda peak: peak.rms)] if found else []

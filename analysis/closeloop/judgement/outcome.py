@@ -168,12 +168,12 @@ def oscillations(recording: Recording, errors: list[TrialError]) -> dict[int, li
     found = {}
     for joint in recording.joints:
         own = [error for error in errors if error.joint == joint and len(error.time) > 1]
-        residuals = []
+        residuals, efforts = [], []
         for error in own:
             even = np.arange(error.time[0], error.time[-1], 1.0 / rate)
             residuals.append(np.interp(even, error.time, error.residual))
-        effort = np.concatenate([error.effort for error in own]) if own else np.zeros(1)
+            efforts.append(np.interp(even, error.time, error.effort))
         highest = recording.sampling.fit_cutoff / 2.0
-        if alone := peaks(residuals, rate, rms(effort), highest):
+        if own and (alone := peaks(residuals, efforts, rate, highest)):
             found[joint] = alone
     return found

@@ -22,13 +22,18 @@ def stretches(
     return found
 
 
+def motion(size: float = 3.0, frequency: float = 0.7) -> list[np.ndarray]:
+    """Return the efforts of a motion of one frequency, of a root mean square `size`."""
+    return stretches(lambda t: size * np.sqrt(2.0) * np.sin(2 * np.pi * frequency * t), noise=0.01)
+
+
 def test_white_noise_has_no_peaks() -> None:
-    assert peaks(stretches(), RATE, effort_rms=3.0, highest_hz=10.0) == []
+    assert peaks(stretches(), motion(), RATE, highest_hz=10.0) == []
 
 
 @pytest.mark.parametrize("colour", [0.8, 0.95, 0.99])
 def test_coloured_noise_has_no_peaks(colour: float) -> None:
-    assert peaks(stretches(colour=colour), RATE, effort_rms=3.0, highest_hz=10.0) == []
+    assert peaks(stretches(colour=colour), motion(), RATE, highest_hz=10.0) == []
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -39,19 +44,27 @@ def test_slow_noise_is_no_line_for_want_of_anything_below_it(seed: int) -> None:
         lfilter(*slow, rng.standard_normal(1200)) + 0.005 * rng.standard_normal(1200)
         for _ in range(5)
     ]
-    assert peaks(found, RATE, effort_rms=3.0, highest_hz=10.0) == []
+    assert peaks(found, motion(), RATE, highest_hz=10.0) == []
 
 
 @pytest.mark.parametrize("frequency", [2.0, 50.0], ids=["a slow oscillation", "the mains"])
 def test_an_oscillation_and_the_mains_are_a_line(frequency: float) -> None:
     (line,) = peaks(
         stretches(lambda t: 0.2 * np.sin(2 * np.pi * frequency * t)),
+        motion(),
         RATE,
-        effort_rms=3.0,
         highest_hz=10.0,
     )
     assert line.low_hz < frequency < line.high_hz
     assert line.rms == pytest.approx(0.2 / np.sqrt(2), rel=0.1)
+
+
+@pytest.mark.parametrize("frequency", [2.0, RATE / 2 - 2.0], ids=["late", "late by turns"])
+def test_what_a_motion_leaves_of_itself_is_no_oscillation(frequency: float) -> None:
+    """A motion of 2 Hz and 60 Nm, logged half a millisecond late, leaves a line of 0.6 Nm."""
+    left = stretches(lambda t: 0.5 * np.sin(2 * np.pi * frequency * t))
+    assert peaks(left, motion(60.0, 2.0), RATE, highest_hz=10.0) == []
+    assert peaks(left, motion(60.0, 0.7), RATE, highest_hz=10.0) != []
 
 
 def tremor(time: np.ndarray) -> np.ndarray:
@@ -59,18 +72,18 @@ def tremor(time: np.ndarray) -> np.ndarray:
 
 
 def test_a_tremor_is_a_band() -> None:
-    (band,) = peaks(stretches(tremor), RATE, effort_rms=3.0, highest_hz=10.0)
+    (band,) = peaks(stretches(tremor), motion(), RATE, highest_hz=10.0)
     assert band.low_hz < 5.0 < band.high_hz
     assert band.rms == pytest.approx(0.5 / np.sqrt(2), rel=0.2)
 
 
 def test_a_band_that_matters_to_nobody_is_not_told() -> None:
-    assert peaks(stretches(tremor), RATE, effort_rms=100.0, highest_hz=10.0) == []
+    assert peaks(stretches(tremor), motion(100.0), RATE, highest_hz=10.0) == []
 
 
 def test_noise_of_the_acceleration_near_the_cutoff_is_no_band() -> None:
-    assert peaks(stretches(tremor), RATE, effort_rms=3.0, highest_hz=2.0) == []
+    assert peaks(stretches(tremor), motion(), RATE, highest_hz=2.0) == []
 
 
 def test_stretches_that_are_too_short_say_nothing() -> None:
-    assert peaks([np.ones(100)], RATE, effort_rms=1.0, highest_hz=10.0) == []
+    assert peaks([np.ones(100)], [np.ones(100)], RATE, highest_hz=10.0) == []
