@@ -5,6 +5,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from errno import ENOTDIR
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
+from analysis.closeloop.identification.arms.skew import synchronised
 from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.trial_error import TrialError
@@ -46,6 +48,7 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     recording = load_session(folder)
     if _rests(recording):
         return still_answer(recording, find_events(Model(recording), recording))
+    recording, skewed = synchronised(recording)
     found = trace(recording, progress)
     progress("torque that is local in time")
     known = wound_up(found)
@@ -66,6 +69,7 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
         # A limb is what it is; values of a robot are for a file in which friction turns at once.
         found = wound_up(found)
     found = agreed(found)
+    found = replace(found, notes=(*found.notes, skewed)) if skewed else found
     hidden = hidden_effects(*found.fits[1], found.rows)
     outcome = outcome_of(found, events, loads, structures(found.model, found.rows), hidden)
     return Answer(

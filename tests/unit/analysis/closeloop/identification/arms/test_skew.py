@@ -1,0 +1,72 @@
+"""A log whose efforts are some time before or after its positions, at all joints alike."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.arms.skew import agreed_time, later, synchronised
+from analysis.closeloop.session.recording import Recording
+from tests.testbed.sessions.rich import ELBOW, rich_recording
+
+MS = 1e-3
+
+
+def logged(times: tuple[float, float], noise: float = 0.002) -> Recording:
+    """Both joints of the arm, whose efforts are logged so much before their positions, s."""
+    arm = replace(rich_recording(20), session=replace(rich_recording().session, limb_joints=()))
+    effort = np.column_stack([later(arm, own).inverse[:, at] for at, own in enumerate(times)])
+    effort += noise * np.random.default_rng(4).standard_normal(effort.shape)
+    return replace(arm, effort=arm.filtered(effort), cache={})
+
+
+@pytest.mark.parametrize("time", [1.0 * MS, -0.5 * MS])
+def test_efforts_that_are_logged_at_another_time_are_compared_with_the_motion_then(
+    time: float,
+) -> None:
+    arm = logged((time, time))
+    there, said = synchronised(arm)
+    truth = later(arm, time)
+    moved = there.position[:, ELBOW] - arm.position[:, ELBOW]
+    assert moved == pytest.approx(truth.position[:, ELBOW] - arm.position[:, ELBOW], abs=4e-5)
+    assert f"{1e3 * abs(time):.2f} ms {'before' if time > 0 else 'after'}" in said
+
+
+@pytest.mark.parametrize(
+    ("times", "why"),
+    [
+        ((0.0, 0.0), "nothing is late"),
+        ((0.0, 4 * MS), "the drive of one joint is early"),
+        ((-4 * MS, 4 * MS), "each goes its own way"),
+        ((20 * MS, 20 * MS), "four samples are no log's"),
+    ],
+)
+def test_else_the_recording_stays_as_it_is(times: tuple[float, float], why: str) -> None:
+    arm = logged(times)
+    assert synchronised(arm) == (arm, ""), why
+
+
+def test_of_a_limb_nothing_is_said() -> None:
+    """Its one joint agrees with itself: a delay of its drive is no matter of the log."""
+    arm = logged((1.0 * MS, 1.0 * MS))
+    limb = replace(arm, session=replace(arm.session, limb_joints=("elbow",)))
+    assert synchronised(limb)[1] == ""
+
+
+def test_a_joint_with_a_delay_of_its_own_is_outvoted() -> None:
+    time, error = agreed_time(
+        MS * np.array([7.1, -0.50, -0.45, -0.60]), MS * np.array([0.1, 0.02, 0.1, 0.06])
+    )
+    assert time == pytest.approx(-0.51 * MS, abs=0.02 * MS)
+    assert error < 0.1 * MS
+
+
+def test_two_that_do_not_agree_tell_nothing() -> None:
+    assert agreed_time(MS * np.array([7.1, -0.5]), MS * np.array([0.1, 0.02]))[1] == np.inf
+
+
+def test_joints_that_differ_by_more_than_their_errors_make_the_error_larger() -> None:
+    times = MS * np.array([0.8, 1.2, 1.0, 1.0])
+    (_, alike), (_, apart) = (agreed_time(times, MS * np.full(4, own)) for own in (0.3, 0.05))
+    assert alike == pytest.approx(0.15 * MS)
+    assert apart > 0.05 / 2 * MS * 3
