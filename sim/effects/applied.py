@@ -10,8 +10,10 @@ while ...:
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 
 import mujoco
+import numpy as np
 
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import AppliedEffect
@@ -43,9 +45,10 @@ class AppliedEffects:
         own = [(number, name) for number, name in enumerate(names) if name.startswith(PREFIX)]
         if own:
             # Never stepped: the engine's callback would show a film what never happens.
-            rest = mujoco.MjData(model)
+            rest, motors = mujoco.MjData(model), _motors(model)
             for number, name in own:
-                torque = _torque(model, _text(model, number), rest, begun)
+                still = SimulatedMotion(rest, 0, 0, begun, motors)
+                torque = _torque(model, _text(model, number), still)
                 self.torques.append((model.actuator(name).id, torque))
 
     def apply(self, data: mujoco.MjData) -> None:
@@ -60,19 +63,32 @@ def _text(model: mujoco.MjModel, number: int) -> str:
     return bytes(model.text_data[start : start + size - 1]).decode()
 
 
-def _torque(model: mujoco.MjModel, text: str, rest: mujoco.MjData, begun: float) -> Torque:
+def _motors(model: mujoco.MjModel) -> dict[int, np.ndarray]:
+    """Return the actuators of each degree of freedom that are no effects."""
+    found: dict[int, list[int]] = {}
+    for number in range(len(model.actuator_trnid)):
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number) or ""
+        at_joint = model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_JOINT
+        if at_joint and not name.startswith(PREFIX):
+            dof = int(model.jnt_dofadr[model.actuator_trnid[number, 0]])
+            found.setdefault(dof, []).append(number)
+    return {dof: np.array(numbers) for dof, numbers in found.items()}
+
+
+def _torque(model: mujoco.MjModel, text: str, still: SimulatedMotion) -> Torque:
+    """Return what an effect does to its joint; `still` is of any joint of a model at rest."""
     content = json.loads(text.replace("'", '"'))
     step, joint = float(model.opt.timestep), model.joint(content["joint"])
-    qpos, dof = int(joint.qposadr[0]), int(joint.dofadr[0])
+    still = replace(still, qpos=int(joint.qposadr[0]), dof=int(joint.dofadr[0]))
     try:
         effect = BY_NAME[content["effect"]]
         assert isinstance(effect, AppliedEffect)
         # One try at rest: which parameters an effect asks for is seen when it is computed.
-        effect.simulated(content["parameters"], step)(SimulatedMotion(rest, qpos, dof))
+        effect.simulated(content["parameters"], step)(still)
     except KeyError as missing:
         raise ValueError(
             f"{content['effect']} of {content['joint']} was written by another version of rehyb, "
             f"with other names (no {missing}): close the loop again"
         ) from None
     needed = effect.simulated(content["parameters"], step)
-    return lambda data: -needed(SimulatedMotion(data, qpos, dof, begun))
+    return lambda data: -needed(replace(still, data=data))

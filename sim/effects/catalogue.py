@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 from sim.effects.effect import Effect
 from sim.effects.laws import (
+    coupling,
     drive,
     elastic,
     friction,
@@ -35,7 +36,7 @@ EFFECTS: tuple[Effect, ...] = (
     transmission.Hysteresis(),
     loose_link.Backlash(),
     limb.Thixotropy(),
-    limb.CrossJointCoupling(),
+    coupling.CrossJointCoupling(),
     friction.Stribeck(),
     friction.Asymmetric(),
     load_friction.DirectionalLoad(),

@@ -14,7 +14,7 @@ import numpy as np
 
 from sim.effects.functions import Signal
 from sim.effects.motion import Motion, RecordedJoint, Recording
-from sim.effects.parameter import Nonlinear, Parameter, Reading, Values
+from sim.effects.parameter import Nonlinear, Parameter, Reading, Values, unit_at
 
 if TYPE_CHECKING:
     import mujoco
@@ -148,6 +148,11 @@ class Effect(ABC):
     def unit(self, parameter: str, theta: Theta) -> str:
         """Return a parameter's unit at a hinge."""
         return self.parameters[parameter].unit
+
+    def unit_of(self, parameter: str, theta: Theta, joint: RecordedJoint) -> str:
+        """Return a parameter's unit at a joint."""
+        hinge = joint.recording.is_hinge(joint.number)
+        return unit_at(self.unit(parameter, theta), hinge=hinge)
 
     def bound(self, column: int) -> float:
         """Return the lower bound of a coefficient."""

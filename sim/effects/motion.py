@@ -1,7 +1,7 @@
 """What a law is told of its joint: one instant of a simulation, or a whole recording."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import tanh
 from typing import TYPE_CHECKING, Protocol
@@ -29,7 +29,8 @@ class Recording(Protocol):
     the number of each sample's trial, (n,), `slices` are pieces without a gap, of which filters
     touch `edge` samples at both ends and miss those that are not `usable`, (n,); what somebody
     pushed is `disturbed`; `joints` are those whose balance is analysed, `limbs` those at which a
-    limb acts. `effort` is NaN where a joint has none. `inverse` is the torque that the declared
+    limb acts. `effort` is low-passed for the fit, `sensed` as it was recorded; both are NaN where a
+    joint has none. `inverse` is the torque that the declared
     chain needs, `static` what holding still in the same place would take, `own_inertia` the
     diagonal of the mass matrix. Below `rest_speed`, (joints,), a joint rests.
     """
@@ -60,6 +61,8 @@ class Recording(Protocol):
     def acceleration(self) -> np.ndarray: ...
     @property
     def effort(self) -> np.ndarray: ...
+    @property
+    def sensed(self) -> np.ndarray: ...
     @property
     def inverse(self) -> np.ndarray: ...
     @property
@@ -164,6 +167,11 @@ class RecordedJoint:
     def acceleration(self) -> np.ndarray:
         return self.recording.acceleration[:, self.number]
 
+    @property
+    def effort(self) -> np.ndarray:
+        """What the joint's motor reports, Nm or N; 0 where nothing is recorded."""
+        return np.asarray(np.nan_to_num(self.recording.sensed[:, self.number]))
+
     @cached_property
     def direction(self) -> np.ndarray:
         return np.asarray(np.tanh(self.velocity / (self.smooth * self.top_speed)))
@@ -230,8 +238,8 @@ class RecordedJoint:
     def weight(self) -> np.ndarray:
         return self.recording.weight(self.number)
 
-    def other(self, dof: int) -> tuple[np.ndarray, np.ndarray]:
-        return self.recording.position[:, dof], self.recording.velocity[:, dof]
+    def other(self, dof: int) -> "RecordedJoint":
+        return replace(self, number=dof)
 
 
 @dataclass(frozen=True)
@@ -243,6 +251,8 @@ class SimulatedMotion:
     dof: int
     #: The session's clock where the simulation's stands at 0, s.
     begun: float = 0.0
+    #: Actuators of each degree of freedom that has motors.
+    motors: Mapping[int, np.ndarray] = field(default_factory=dict)
 
     @property
     def position(self) -> float:
@@ -278,8 +288,17 @@ class SimulatedMotion:
         lifted = axis if model.jnt_type[joint] == SLIDE else np.cross(axis, lever)
         return np.asarray(-float(model.body_subtreemass[body]) * lifted)
 
-    def other(self, dof: int) -> tuple[float, float]:
-        return float(self.data.qpos[dof]), float(self.data.qvel[dof])
+    @property
+    def effort(self) -> float:
+        """What the joint's motors gave last; of one without a motor, what is applied to it."""
+        own = self.motors.get(self.dof)
+        if own is None:
+            return float(self.data.qfrc_applied[self.dof])
+        return float(self.data.actuator_force[own] @ self.data.model.actuator_gear[own, 0])
+
+    def other(self, dof: int) -> "SimulatedMotion":
+        qpos = int(self.data.model.jnt_qposadr[self.data.model.dof_jntid[dof]])
+        return replace(self, qpos=qpos, dof=dof)
 
 
 Motion = RecordedJoint | SimulatedMotion

@@ -24,7 +24,6 @@ from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING, Theta
 from sim.effects.laws.inertia import GravityTorque
 from sim.effects.motion import RecordedJoint
-from sim.effects.parameter import unit_at
 
 #: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
 MOST_NONSENSE = 0.25
@@ -243,7 +242,7 @@ def _parameters(
             free = fits.interval(every, float(value)) if np.isfinite(value) else None
         else:
             continue
-        unit = unit_at(effect.unit(key, theta), hinge=model.recording.is_hinge(candidate.joint))
+        unit = effect.unit_of(key, theta, joint)
         what = effect.parameters[key].description
         if not np.isfinite(value):
             entries[key] = {"value": None, "ci90": None, "unit": unit, "description": what}

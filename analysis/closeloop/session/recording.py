@@ -59,6 +59,8 @@ class Recording:
     fit_trials: tuple[int, ...]
     #: Whether no joint moves: there is nothing to fit, and only events can be looked for.
     still: bool = False
+    #: The effort before that low-pass; None if nobody kept it.
+    unfiltered: np.ndarray | None = None
     #: Samples that something from outside disturbed, (n, joints); None if nobody has looked.
     disturbed: np.ndarray | None = None
     #: Inverse dynamics are asked for again and again with the same arguments.
@@ -97,6 +99,11 @@ class Recording:
     def raw_position(self, trial: int, joint: int) -> np.ndarray | None:
         """Return a joint's position in a trial, rad or m, as `raw_effort`."""
         return self.session.trials[trial].columns.get(f"{self.name(joint)}.position")
+
+    @property
+    def sensed(self) -> np.ndarray:
+        """The effort before the fit's low-pass; NaN where a joint has none."""
+        return self.effort if self.unfiltered is None else self.unfiltered
 
     @cached_property
     def inverse(self) -> np.ndarray:

@@ -75,8 +75,9 @@ def record(session: Session, device: Device) -> Recording:
         position=np.concatenate([part[0] for part in parts]),
         velocity=np.concatenate([part[1] for part in parts]),
         acceleration=np.concatenate([part[2] for part in parts]),
-        effort=np.concatenate([effort for effort, _ in efforts]),
-        measured=np.concatenate([measured for _, measured in efforts]),
+        effort=np.concatenate([effort for effort, _, _ in efforts]),
+        unfiltered=np.concatenate([unfiltered for _, unfiltered, _ in efforts]),
+        measured=np.concatenate([measured for _, _, measured in efforts]),
         extra=np.concatenate([piece.extra[every] for piece in pieces]),
         extra_names=names,
         joints=joints,
@@ -85,10 +86,11 @@ def record(session: Session, device: Device) -> Recording:
     )
 
 
-def effort_for_fit(piece: Stretch, sampling: Sampling) -> tuple[np.ndarray, np.ndarray]:
-    """Return the effort for the fit at the working rate, (m, joints), and what is measured, (m,).
+def effort_for_fit(piece: Stretch, sampling: Sampling) -> tuple[np.ndarray, ...]:
+    """Return the effort for the fit, the same before its low-pass, and what is measured.
 
-    Regressors pass the same low-pass with the same missing samples (`Recording.filtered`).
+    At the working rate, (m, joints) twice and (m,). Regressors pass the same low-pass with the same
+    missing samples (`Recording.filtered`).
     """
     measured, effort, rate = piece.measured.astype(float), piece.effort, sampling.recorded
     if sampling.decimation > 1:
@@ -99,7 +101,7 @@ def effort_for_fit(piece: Stretch, sampling: Sampling) -> tuple[np.ndarray, np.n
         every = slice(None, None, sampling.decimation)
         effort, measured = effort[every], measured[every]
     low = MeasuredLowpass(measured, sampling.fit_cutoff, sampling.working)
-    return low(effort), measured
+    return low(effort), effort, measured
 
 
 def stretches(

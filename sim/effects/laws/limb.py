@@ -1,9 +1,9 @@
-"""What a living limb adds: reflexes, stiffness after rest, and torque passed between joints.
+"""What a living limb adds: reflexes, and stiffness after rest.
 
 Stretch reflex after Lance 1980 and the threshold models of Koo and Mak 2006, its latency after
 Pruszynski and Scott 2012 (Optimal feedback control and the long-latency stretch response);
 thixotropy after Proske, Morgan and Gregory 1993, with a structure that moving breaks and rest
-builds after Moore 1959 and Lakie and Robson 1988; coupling by two-joint muscles after Hogan 1985.
+builds after Moore 1959 and Lakie and Robson 1988.
 """
 
 from collections import deque
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.effects.effect import AppliedEffect, Columns, Law, Limits, Theta
+from sim.effects.effect import AppliedEffect, Columns, Limits, Theta
 from sim.effects.functions import Signal, at_least, choose
 from sim.effects.laws.elastic import SIDE, sign_of
 from sim.effects.laws.transmission import EXPONENT, Hysteresis
-from sim.effects.motion import PRESLIDING_SHARE, Motion, RecordedJoint, Recording
+from sim.effects.motion import PRESLIDING_SHARE, Motion, RecordedJoint
 from sim.effects.parameter import RELATIVE, SECONDS, Nonlinear, Parameter, Values, named, size
 
 #: No reflex is faster, s: the short-latency response of an arm's muscles begins 20 to 50 ms after a
@@ -257,55 +257,3 @@ class Structure:
             left[piece] = states
             last = piece.stop - 1
         return left
-
-
-class CrossJointCoupling(Law):
-    """Torque at one joint from the position and velocity of another, or from how far both part.
-
-    As of a spring, nobody knows beforehand where it is without torque. A tendon or a belt may pass
-    over joints between, so every other joint that moves is asked. A belt between two joints is
-    stretched by the difference of their positions: of a coupling and a spring of the joint's own
-    neither explains anything alone where both joints move alike.
-    """
-
-    name = "cross_joint_coupling"
-    complexity = 3
-    signature = "the residual of one joint follows the position of another"
-    separating_trial = "move the neighbouring joint alone while this one is held"
-    includes = ("torque_offset",)
-    parameters = named(
-        stiffness=Parameter("Nm/rad", "over the other's position"),
-        damping=Parameter("Nm s/rad", "over the other's velocity"),
-        torque_at_zero=Parameter("Nm", "what the motor adds at the other's position 0"),
-        other_dof=Parameter("1", "number of the other joint"),
-        between=Parameter(
-            "1", "1 if both are over the other's less the joint's own, as of a belt", choice=True
-        ),
-    )
-    coefficients = ("stiffness", "damping", "torque_at_zero")
-    nonlinear = (Nonlinear("other_dof"), Nonlinear("between", (0.0, 1.0)))
-
-    def torque(self, parameters: Values, motion: Motion) -> Signal:
-        position, velocity = motion.other(int(parameters["other_dof"]))
-        if parameters.get("between", 0.0):
-            position, velocity = position - motion.position, velocity - motion.velocity
-        elastic = parameters["stiffness"] * position + parameters["torque_at_zero"]
-        return elastic + parameters["damping"] * velocity
-
-    def applies(self, recording: Recording, joint: int) -> bool:
-        return bool(_others(recording, joint))
-
-    def thetas(self, joint: RecordedJoint) -> list[Theta]:
-        # A limb has a stiffness of its own, which nothing tells from a belt's.
-        forms = (0.0,) if joint.number in joint.recording.limbs else (0.0, 1.0)
-        return [
-            {"other_dof": float(other), "between": form}
-            for other in _others(joint.recording, joint.number)
-            for form in forms
-        ]
-
-
-def _others(recording: Recording, joint: int) -> list[int]:
-    """Return the other joints that are recorded moving, the nearest in the chain first."""
-    moving = np.flatnonzero(np.ptp(recording.position, axis=0) > 5e-3)
-    return sorted((int(j) for j in moving if j != joint), key=lambda j: abs(j - joint))

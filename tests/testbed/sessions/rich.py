@@ -52,7 +52,7 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     ),
     "thixotropic_stiffness": ({"recovery": 1.5, "distance": 0.5}, (3.0, -2.5)),
     "drift": ({"level_off": 0.6}, (0.3, 0.5)),
-    "cross_joint_coupling": ({"other_dof": 0.0, "between": 0.0}, (2.0, 0.4, -0.6)),
+    "cross_joint_coupling": ({"other_dof": 0.0, "between": 0.0, "by": 0.0}, (2.0, 0.4, -0.6)),
 }
 
 

@@ -185,3 +185,44 @@ def test_a_load_hangs_in_the_model_though_no_joint_felt_one_of_its_ways() -> Non
     assert body.mass[0] == pytest.approx(before.mass[0] + 2.7)
     with pytest.raises(ValueError, match="nothing says where it hangs"):
         BY_NAME["payload"].add(spec(), "elbow", {"mass": 2.7})
+
+
+def coupled(parameters: dict[str, float], *, motor: bool = False) -> mujoco.MjModel:
+    """Return the arm whose elbow a coupling to the shoulder acts on."""
+    changed = spec()
+    if motor:
+        at = mujoco.mjtTrn.mjTRN_JOINT
+        changed.add_actuator(name="motor", trntype=at, target="shoulder").gear[0] = 3.0
+    BY_NAME["cross_joint_coupling"].add(
+        changed, "elbow", {"other_dof": 0.0, "torque_at_zero": 0.0, **parameters}
+    )
+    return mujoco.MjModel.from_xml_string(changed.to_xml())
+
+
+def test_a_coupling_by_acceleration_is_inertia_that_the_other_joint_feels() -> None:
+    """As MuJoCo has it: what the motors need for accelerations that the model then takes."""
+    model = coupled({"inertia": 0.02})
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qacc[:] = [0.3, 0.6], [2.0, -1.0]
+    mujoco.mj_inverse(model, data)
+    data.qfrc_applied[:] = data.qfrc_inverse + np.array([0.0, 0.02 * 2.0])
+    effects = AppliedEffects(model)
+    for _ in range(20):
+        mujoco.mj_forward(model, data)
+        effects.apply(data)
+    assert data.qacc == pytest.approx([2.0, -1.0], rel=1e-6)
+
+
+@pytest.mark.parametrize("motor", [True, False])
+def test_a_coupling_by_effort_passes_on_what_the_other_motor_gives(motor: bool) -> None:
+    """Where the model has no motor there, what is applied to that joint stands for it."""
+    model = coupled({"effort_share": -0.4}, motor=motor)
+    data = mujoco.MjData(model)
+    if motor:
+        data.ctrl[0] = 2.0
+    else:
+        data.qfrc_applied[0] = 6.0
+    mujoco.mj_forward(model, data)
+    AppliedEffects(model).apply(data)
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_actuator[1] == pytest.approx(0.4 * 6.0)

@@ -82,6 +82,18 @@ def test_effort_and_regressors_lose_the_same_samples_to_the_same_filter(rate: fl
     assert np.abs(left[recording.usable]).max() < 1e-6
 
 
+@pytest.mark.parametrize("rate", [RATE, 1000.0])
+def test_the_effort_of_one_joint_as_it_was_sensed_is_filtered_once_as_a_regressor(
+    rate: float,
+) -> None:
+    whole = trial(rate)
+    recording = recorded(at(whole, some_missing(len(whole.time))))
+    own = recording.joints[0]
+    again = recording.filtered(recording.sensed)[:, own]
+    assert again == pytest.approx(recording.effort[:, own], abs=1e-12)
+    assert np.ptp(recording.sensed[:, own]) > 1.2 * np.ptp(recording.effort[:, own])
+
+
 def test_rows_inside_a_gap_are_left_out_and_the_rest_is_used() -> None:
     whole = trial()
     kept = np.ones(len(whole.time), dtype=bool)

@@ -1,0 +1,129 @@
+"""Torque that one joint passes to another: tendons, belts, differentials, rotors on other links.
+
+Coupling by two-joint muscles after Hogan 1985; of transmissions, whose joint torques are the
+transpose of what their motors' speeds are times the motors' torques, and of rotors that sit on
+another link, after Khalil and Dombre 2002 (Modeling, identification and control of robots) and
+Siciliano et al. 2009 (Robotics: modelling, planning and control, section 7.1).
+"""
+
+import numpy as np
+
+from sim.effects.effect import Law, Theta
+from sim.effects.functions import Signal
+from sim.effects.motion import Motion, RecordedJoint, Recording
+from sim.effects.parameter import Nonlinear, Parameter, Reading, Values, named
+
+#: What a coupling goes by: the other's position and velocity, its acceleration, its effort.
+MOTION, ACCELERATION, EFFORT = 0.0, 1.0, 2.0
+#: Parameters of each, in the order of the columns.
+FORMS: dict[float, tuple[str, ...]] = {
+    MOTION: ("stiffness", "damping", "torque_at_zero"),
+    ACCELERATION: ("inertia", "torque_at_zero"),
+    EFFORT: ("effort_share", "torque_at_zero"),
+}
+#: Units at a joint (hinge or not) beside another: torque over way, speed, acceleration and torque.
+UNITS: dict[str, dict[tuple[bool, bool], str]] = {
+    name: dict(
+        zip([(True, True), (True, False), (False, True), (False, False)], units, strict=True)
+    )
+    for name, units in {
+        "stiffness": ("Nm/rad", "Nm/m", "N/rad", "N/m"),
+        "damping": ("Nm s/rad", "Nm s/m", "N s/rad", "N s/m"),
+        "inertia": ("kg m2", "kg m", "kg m", "kg"),
+        "effort_share": ("1", "m", "1/m", "1"),
+    }.items()
+}
+
+
+class CrossJointCoupling(Law):
+    """Torque at one joint from what another does: its motion, its acceleration or its effort.
+
+    As of a spring, nobody knows beforehand where it is without torque. A tendon or a belt may pass
+    over joints between, so every other joint that moves is asked. A belt between two joints is
+    stretched by the difference of their positions: of a coupling and a spring of the joint's own
+    neither explains anything alone where both joints move alike. A rotor that another joint's
+    motion turns needs torque for its acceleration. In a differential, or where a tendon runs over
+    one joint to the next, a motor's torque acts on both: the effort is the recorded one, which is
+    right whatever the other joint lacks, and whose noise is small beside it.
+    """
+
+    name = "cross_joint_coupling"
+    complexity = 3
+    signature = "the residual of one joint follows the position, speed, or effort of another"
+    separating_trial = "move the neighbouring joint alone while this one is held"
+    includes = ("torque_offset",)
+    parameters = named(
+        stiffness=Parameter("Nm/rad", "over the other's position"),
+        damping=Parameter("Nm s/rad", "over the other's velocity"),
+        inertia=Parameter("kg m2", "over the other's acceleration"),
+        effort_share=Parameter("1", "over the other's effort"),
+        torque_at_zero=Parameter("Nm", "what the motor adds where the other's is 0"),
+        other_dof=Parameter("1", "number of the other joint"),
+        between=Parameter(
+            "1",
+            "1 if over the other's position and velocity less the joint's own, as of a belt",
+            choice=True,
+        ),
+    )
+    coefficients = ("stiffness", "damping", "inertia", "effort_share", "torque_at_zero")
+    nonlinear = (
+        Nonlinear("other_dof"),
+        Nonlinear("between", (0.0, 1.0)),
+        Nonlinear("by", (MOTION, ACCELERATION, EFFORT)),
+    )
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        other = motion.other(int(parameters["other_dof"]))
+        position, velocity = other.position, other.velocity
+        if parameters.get("between", 0.0):
+            position, velocity = position - motion.position, velocity - motion.velocity
+
+        def over(name: str, signal: Signal) -> Signal:
+            # Those of the other forms are nothing.
+            return parameters.get(name, 0.0) * signal
+
+        elastic = over("stiffness", position) + over("damping", velocity)
+        passed = over("inertia", other.acceleration) + over("effort_share", other.effort)
+        return elastic + passed + parameters["torque_at_zero"]
+
+    def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
+        found = {name: Reading(column=i) for i, name in enumerate(FORMS[theta["by"]])}
+        values = self.fixed(joint, theta)
+        return found | {name: Reading(value=value) for name, value in values.items()}
+
+    def unit_of(self, parameter: str, theta: Theta, joint: RecordedJoint) -> str:
+        if parameter not in UNITS:
+            return super().unit_of(parameter, theta, joint)
+        is_hinge = joint.recording.is_hinge
+        return UNITS[parameter][is_hinge(joint.number), is_hinge(int(theta["other_dof"]))]
+
+    def applies(self, recording: Recording, joint: int) -> bool:
+        return bool(_others(recording, joint))
+
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        recording, number = joint.recording, joint.number
+        grid: list[Theta] = []
+        for other in _others(recording, number):
+            plain = {"other_dof": float(other), "between": 0.0, "by": MOTION}
+            grid.append(plain)
+            # A limb has a stiffness of its own, which nothing tells from a belt's, and no drive.
+            if number in recording.limbs:
+                continue
+            if recording.is_hinge(number) == recording.is_hinge(other):
+                grid.append({**plain, "between": 1.0})
+            grid.append({**plain, "by": ACCELERATION})
+            if _recorded(recording, other, beside=number):
+                grid.append({**plain, "by": EFFORT})
+        return grid
+
+
+def _others(recording: Recording, joint: int) -> list[int]:
+    """Return the other joints that are recorded moving, the nearest in the chain first."""
+    moving = np.flatnonzero(np.ptp(recording.position, axis=0) > 5e-3)
+    return sorted((int(j) for j in moving if j != joint), key=lambda j: abs(j - joint))
+
+
+def _recorded(recording: Recording, other: int, *, beside: int) -> bool:
+    """Whether another joint's effort is recorded wherever one's own is."""
+    missing = np.isnan(recording.effort)
+    return not bool((missing[:, other] & ~missing[:, beside]).any())
