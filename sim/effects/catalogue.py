@@ -48,6 +48,8 @@ EFFECTS: tuple[Effect, ...] = (
     limb.StretchReflex(),
     load_friction.StribeckLoad(),
 )
+#: Asked of robots in the place of a limb's effect of the same name.
+OF_ROBOTS: tuple[Effect, ...] = (elastic.HardeningSpring(),)
 #: Name of what all links share, which is asked of no single joint.
 LINK_INERTIA = inertia.LinkInertia.name
 #: The declared impedance, which is no candidate.

@@ -158,7 +158,7 @@ class Effect(ABC):
         """Return the lower bound of a coefficient."""
         return self.lower[min(column, len(self.lower) - 1)]
 
-    def unlikely(self, joint: RecordedJoint) -> bool:
+    def unlikely(self, joint: RecordedJoint, theta: Theta) -> bool:
         """Return whether another name that is as good is to be given first."""
         return False
 

@@ -30,7 +30,7 @@ from analysis.closeloop.identification.nameable import (
     refusal,
 )
 from analysis.closeloop.session.recording import Recording
-from sim.effects.catalogue import EFFECTS
+from sim.effects.catalogue import EFFECTS, OF_ROBOTS
 from sim.effects.effect import Theta
 from sim.effects.motion import Estimate, RecordedJoint
 
@@ -50,7 +50,7 @@ def candidates(recording: Recording) -> list[Candidate]:
     return [
         Candidate(effect=effect, joint=joint)
         for joint in recording.joints
-        for effect in EFFECTS
+        for effect in (*EFFECTS, *OF_ROBOTS)
         if effect.applies(recording, joint)
     ]
 

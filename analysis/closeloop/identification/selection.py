@@ -103,9 +103,9 @@ def _of_form(option: Option, model: Model, rows: Rows) -> bool:
 
 
 def _unlikely(option: Option) -> bool:
-    """Whether an option says of its joint what whoever set it up would have seen."""
+    """Whether an option says of its joint what its like hardly is, or would have been seen."""
     joint = unfitted(option.model.recording, option.candidate.joint)
-    return option.candidate.effect.unlikely(joint)
+    return option.candidate.effect.unlikely(joint, option.theta)
 
 
 def _information(option: Option) -> float:

@@ -5,14 +5,14 @@ Edrich 1999); MuJoCo has polynomial `stiffness` and soft joint ranges for both.
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from sim.effects.effect import Columns, Effect, Law, Theta
 from sim.effects.elements import add_damping, add_spring, joint_of
 from sim.effects.functions import Signal, at_least, at_most, expm1
-from sim.effects.motion import Motion, RecordedJoint
+from sim.effects.motion import Motion, RecordedJoint, Recording
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named, size
 
 if TYPE_CHECKING:
@@ -114,22 +114,48 @@ class NonlinearStiffness(Law):
         "against position the residual is a curve with a bend at both ends, the same both ways"
     )
     separating_trial = "move slowly through a wider range, both ways"
-    owner = "human"
+    owner: Literal["robot", "human"] | None = "human"
     parameters = named(
         cubic_stiffness=size(
             "Nm/rad3", 5.0, "hardening of the limb's joint; below 0 it softens", low=-5.0
         ),
         centre=Parameter("rad", "angle without torque", 0.5, 1.5, neutral=1.0, in_joint_frame=True),
     )
-    coefficients = ("cubic_stiffness",)
+    coefficients: tuple[str, ...] = ("cubic_stiffness",)
     nonlinear = (Nonlinear("centre", shift=0.1, step=RELATIVE),)
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
-        return parameters["cubic_stiffness"] * (motion.position - parameters["centre"]) ** 3
+        cubic = parameters["cubic_stiffness"] * (motion.position - parameters["centre"]) ** 3
+        # Of a robot's (`HardeningSpring`), whose law this is, too.
+        linear = parameters.get("stiffness", 0.0) * motion.position
+        return cubic + linear + parameters.get("torque_at_zero", 0.0)
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         middle, half = joint.travel
         return [{"centre": middle + half * share} for share in np.linspace(-1.4, 1.4, 15)]
+
+
+class HardeningSpring(NonlinearStiffness):
+    """A joint's spring and what hardens of it, one cause: K (q - q_ref) + K3 (q - c)^3.
+
+    Of a robot's joint, which has no declared stiffness that would take in K: bundles of cables,
+    balancers, springs of rubber.
+    """
+
+    limb = False
+    complexity = 4
+    owner = None
+    includes = ("torque_offset", "joint_stiffness")
+    parameters = named(
+        cubic_stiffness=Parameter("Nm/rad3", "by which the spring hardens; below 0 it softens"),
+        centre=Parameter("rad", "angle where it is least stiff", in_joint_frame=True),
+        stiffness=Parameter("Nm/rad", "of the spring at that angle"),
+        torque_at_zero=Parameter("Nm", "what the motor adds at position 0 beside the cubic part"),
+    )
+    coefficients = ("cubic_stiffness", "stiffness", "torque_at_zero")
+
+    def applies(self, recording: Recording, joint: int) -> bool:
+        return joint not in recording.limbs
 
 
 class EndRange(Law):

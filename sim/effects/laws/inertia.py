@@ -268,7 +268,7 @@ class GravityTorque(Law):
             for name, share in zip(self.parameters, along, strict=True)
         }
 
-    def unlikely(self, joint: RecordedJoint) -> bool:
+    def unlikely(self, joint: RecordedJoint, theta: Theta) -> bool:
         # Who sets up an axis upright sees that it stands; a model without gravity says nothing.
         gravity = joint.recording.gravity
         level = np.linalg.norm(gravity) * np.linalg.norm(joint.weight)

@@ -19,6 +19,9 @@ from sim.effects.parameter import (
     size,
 )
 
+#: Periods over the travel of which a period has come back: of fewer, a smooth curve is as good.
+LEAST_PERIODS = 2.0
+
 
 class TorqueRipple(Law):
     """A torque that is periodic in position: cogging, gear teeth, commutation."""
@@ -58,6 +61,11 @@ class TorqueRipple(Law):
             for peak in best
             for shift in (-0.12, 0.0, 0.12)
         ]
+
+    def unlikely(self, joint: RecordedJoint, theta: Theta) -> bool:
+        # A limb turns so little that a gear's wave may have to do with fewer.
+        periods = theta["order"] * joint.travel[1] / np.pi
+        return joint.number not in joint.recording.limbs and periods < LEAST_PERIODS
 
     def unit(self, parameter: str, theta: Theta) -> str:
         return "1/rad" if parameter == "order" else super().unit(parameter, theta)

@@ -226,3 +226,11 @@ def test_a_coupling_by_effort_passes_on_what_the_other_motor_gives(motor: bool) 
     AppliedEffects(model).apply(data)
     mujoco.mj_forward(model, data)
     assert data.qfrc_actuator[1] == pytest.approx(0.4 * 6.0)
+
+
+def test_a_robots_spring_that_hardens_is_its_equation() -> None:
+    model = added(
+        "nonlinear_stiffness",
+        {"cubic_stiffness": 3.0, "centre": 0.2, "stiffness": 0.5, "torque_at_zero": -0.1},
+    )
+    assert applied_torque(model, 1.2, 0.0) == pytest.approx(-(3.0 + 0.5 * 1.2 - 0.1))

@@ -5,44 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.robot import traced_robot, weighed
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.candidates import options_beside
-from analysis.closeloop.identification.findings import Step
-from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.coupling import ACCELERATION, EFFORT
-from tests.testbed.sessions.rich import swung
+from tests.testbed.sessions.coupled import measured, moving, traced, values
 
 COUPLING = BY_NAME["cross_joint_coupling"]
-#: Two hinges that gravity loads, and a slide along the first's axis, which it does not.
-CHAIN = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
-<body pos=".2 0 0"><joint name="b" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
-<body pos=".2 0 0"><joint name="c" type="slide" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
-</body></body></body></worldbody></mujoco>"""
-NOISE = 0.002
-
-
-def moving() -> Recording:
-    """Every joint in two frequencies: in one, acceleration is position."""
-    plain = swung(CHAIN, (0.2, 0.4, -0.3), (0.7, 0.4, 0.55), 20)
-    session = replace(plain.session, limb_joints=())
-    w = 2 * np.pi * np.array([1.31, 1.73, 1.13])
-    angle = plain.time[:, None] * w
-    return replace(
-        plain,
-        session=session,
-        position=plain.position + 0.1 * np.sin(angle),
-        velocity=plain.velocity + 0.1 * w * np.cos(angle),
-        acceleration=plain.acceleration - 0.1 * w**2 * np.sin(angle),
-        cache={},
-    )
-
-
-def measured(recording: Recording, effort: np.ndarray, noise: float = NOISE) -> Recording:
-    loud = effort + noise * np.random.default_rng(4).standard_normal(effort.shape)
-    return replace(recording, effort=recording.filtered(loud), unfiltered=loud, cache={})
 
 
 def of_differential(needed: np.ndarray, shares: dict[tuple[int, int], float]) -> np.ndarray:
@@ -51,24 +21,6 @@ def of_differential(needed: np.ndarray, shares: dict[tuple[int, int], float]) ->
     for (joint, other), share in shares.items():
         passed[joint, other] = share
     return np.linalg.solve(passed, needed.T).T
-
-
-def traced(recording: Recording) -> dict[tuple[str, int], Step]:
-    rows = select_rows(recording, (0,))
-    found = traced_robot(Model(recording), weighed(Model(recording), rows), lambda _: None)
-    return {step.key: step for step in found.steps}
-
-
-def values(step: Step, recording: Recording) -> dict[str, float]:
-    """Return the parameters that were found for a coupling."""
-    candidate = step.taken.candidate
-    model, score = step.taken.model, evaluate(step.taken.model, select_rows(recording, (0,)))
-    for term, own in model.split(score.coefficients):
-        if term.candidate == candidate:
-            read = COUPLING.readings(unfitted(recording, candidate.joint), term.theta)
-            found = dict(zip(term.kept, own.tolist(), strict=True))
-            return {name: float(r.of(found)) for name, r in read.items() if r.columns <= set(found)}
-    raise AssertionError(candidate.key)
 
 
 def test_a_coupling_by_effort_is_found_both_ways_and_is_no_gain() -> None:
