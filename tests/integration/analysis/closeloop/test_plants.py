@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.closeloop.loop import analyse
+from analysis.closeloop.loop import analyse, close_loop
 from analysis.closeloop.report.repaired import repaired_model
 from tests.testbed.sessions.plants import ARM, CARRIAGE, write_recordings
 
@@ -60,6 +60,29 @@ def test_a_mass_at_the_end_of_a_chain_is_found_through_both_joints(tmp_path: Pat
 def test_a_torque_from_the_other_joint_is_coupling_and_no_flipped_sign(tmp_path: Path) -> None:
     write_recordings(tmp_path, ARM, 1, beyond=lambda _t, q, _v: np.array([0.0, -1.2 * q[0]]))
     assert names(analyse(tmp_path).report) == {("cross_joint_coupling", "elbow")}
+
+
+def test_a_differential_is_a_coupling_by_effort_both_ways_that_simulation_confirms(
+    tmp_path: Path,
+) -> None:
+    """Each joint feels a share of the other's motor, which its own has to make up for."""
+    write_recordings(tmp_path, ARM, 1)
+    felt = np.array([[1.0, 0.3], [0.1, 1.0]])
+    for file in tmp_path.glob("*.csv"):
+        header, *_ = file.read_text().splitlines()
+        table = np.loadtxt(file, delimiter=",", skiprows=1)
+        efforts = [header.split(",").index(f"{joint}.effort") for joint in ARM.joints]
+        table[:, efforts] = np.linalg.solve(felt, table[:, efforts].T).T
+        np.savetxt(file, table, "%.9g", ",", header=header, comments="")
+    report = close_loop(tmp_path, tmp_path / "found")
+    assert names(report) == {("cross_joint_coupling", joint) for joint in ARM.joints}
+    shares = {e["joint"]: e["parameters"]["effort_share"] for e in report["effects"]}
+    assert shares["shoulder"]["value"] == pytest.approx(-0.3, rel=0.03)
+    assert shares["elbow"]["value"] == pytest.approx(-0.1, rel=0.03)
+    assert {share["unit"] for share in shares.values()} == {"1"}
+    assert all(e["mujoco_element"].startswith("applied torque") for e in report["effects"])
+    for joint in report["confirmation"]["joints"].values():
+        assert joint["feedback_after"] < 0.2 * joint["feedback_before"]
 
 
 def test_a_tremor_is_described_and_given_no_name(tmp_path: Path) -> None:
