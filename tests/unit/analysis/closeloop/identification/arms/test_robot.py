@@ -10,6 +10,7 @@ from analysis.closeloop.identification.balance.model import Candidate, Model, Te
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.coupled import measured, moving, traced
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 
 
@@ -63,3 +64,13 @@ def test_what_is_part_of_an_effect_that_is_there_is_not_added_again() -> None:
     model = robot.with_ordinary(Model(arm, terms=(term,)), select_rows(arm, (0,)))
     own = {candidate.effect.name for candidate in model.effects if candidate.joint == ELBOW}
     assert own == {"asymmetric_friction", "torque_offset", "added_inertia"}
+
+
+@pytest.mark.parametrize("offset", [0.04, 0.1])
+def test_an_offset_that_hysteresis_hid_is_an_offset_and_no_spring(offset: float) -> None:
+    """Before the hysteresis is found it is too little to matter, and a spring has one in it."""
+    still = moving()
+    needed = np.array(still.inverse)
+    wound = unfitted(still, 1).wound(0.12)
+    needed[:, 1] += 0.8 * wound + offset
+    assert set(traced(measured(still, needed))) == {("hysteresis", 1), ("torque_offset", 1)}
