@@ -280,7 +280,8 @@ def _moved(
 
     spread = np.zeros(len(fits.coefficients))
     for (*named, theta_name), values in fits.thetas.items():
-        if tuple(named) != candidate.key:
+        # A declared load has the key of one that is found beside it.
+        if tuple(named) != candidate.key or theta_name not in theta:
             continue
         step = 1e-6 * max(1.0, abs(theta[theta_name]))
         moved = {**theta, theta_name: theta[theta_name] + step}

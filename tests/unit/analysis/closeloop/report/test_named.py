@@ -7,8 +7,16 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.balance.model import Candidate, Model, Term, unfitted
-from analysis.closeloop.identification.balance.uncertainty import Fits
+from analysis.closeloop.identification.balance.declared import PLACED
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    Term,
+    evaluate,
+    unfitted,
+)
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
 from analysis.closeloop.report.named import (
     _if_it_can_be,
     _parameters,
@@ -19,6 +27,7 @@ from analysis.closeloop.report.named import (
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.session.device import Device
 from sim.effects.catalogue import BY_NAME
+from sim.effects.laws.inertia import PLACE
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.rich import ELBOW, TRUTH, rich_recording
 from tests.testbed.sessions.synthetic import mjcf
@@ -162,3 +171,29 @@ def test_an_effect_of_which_nothing_is_surely_other_than_zero_is_told(
     said = undetermined([found])
     assert bool(said) is warned
     assert all(line.startswith("torque_ripple of elbow: ") for line in said)
+
+
+def test_a_load_beside_a_declared_one_has_parameters_of_its_own() -> None:
+    """The declared one hangs on the line of its link, somewhere along it."""
+    recording = rich_recording()
+    joint, rows = unfitted(recording, ELBOW), select_rows(recording, (0,))
+    place = dict.fromkeys(PLACE, 0.1)
+    declared, found = (
+        Term(
+            effect=effect,
+            joint=ELBOW,
+            columns=effect.columns(joint, theta),
+            theta=theta,
+            kept=(0,),
+            candidate=candidate,
+        )
+        for effect, theta, candidate in (
+            (BY_NAME["payload"], {"distance": 1.0}, None),
+            (PLACED, place, Candidate(effect=PLACED, joint=ELBOW)),
+        )
+    )
+    model = Model(recording, terms=(declared, found))
+    coefficients = evaluate(model, rows).coefficients
+    fits = leave_out(model, rows, coefficients)
+    assert "mass" in _parameters(model, coefficients, fits, found)
+    assert "distance" in _parameters(model, coefficients, fits, declared)
