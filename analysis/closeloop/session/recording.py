@@ -16,6 +16,7 @@ from analysis.closeloop.session.signals import (
     REST_SHARE,
     MeasuredLowpass,
     Sampling,
+    before_lag,
     lagged,
     lowpass,
     shifted,
@@ -27,7 +28,7 @@ from sim.effects.rigid import point_mass
 #: What depends on position alone changes slowly: it is computed at every so many samples.
 REST_STEP = 4
 #: What does not depend on which joints are analysed.
-SHARED = ("rigid", "inverse", "static", "top_speed", "rest_speed", "_lowpasses")
+SHARED = ("rigid", "inverse", "static", "top_speed", "rest_speed", "sensed", "_lowpasses")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,10 +101,15 @@ class Recording:
         """Return a joint's position in a trial, rad or m, as `raw_effort`."""
         return self.session.trials[trial].columns.get(f"{self.name(joint)}.position")
 
-    @property
+    @cached_property
     def sensed(self) -> np.ndarray:
-        """The effort before the fit's low-pass; NaN where a joint has none."""
-        return self.effort if self.unfiltered is None else self.unfiltered
+        """The effort before the fit's low-pass and its trial's; NaN where a joint has none."""
+        found = np.array(self.effort if self.unfiltered is None else self.unfiltered)
+        for piece in self.slices:
+            hertz = self.session.trials[self.trial_of(piece)].effort_filter_hz
+            if hertz is not None and hertz < 0.4 * self.rate:
+                found[piece] = before_lag(found[piece], 1.0 / (2 * np.pi * hertz), self.rate)
+        return found
 
     @cached_property
     def inverse(self) -> np.ndarray:
@@ -153,10 +159,8 @@ class Recording:
     @cached_property
     def limbs(self) -> tuple[int, ...]:
         """Joints at which a limb acts: those of the nominal arm, or what the session says."""
-        every = range(len(self.device.joints))
-        if self.session.model == NOMINAL:
-            return tuple(every)
-        return tuple(joint for joint in every if self.name(joint) in self.session.limb_joints)
+        whole, own = self.session.model == NOMINAL, self.session.limb_joints
+        return tuple(j for j, name in enumerate(self.device.joints) if whole or name in own)
 
     def motor_inertia(self, joint: int) -> float:
         """Return the declared inertia of the joint's motor (armature), kg m2 or kg."""

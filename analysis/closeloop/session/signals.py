@@ -189,6 +189,11 @@ def lagged(signal: np.ndarray, time_constant: float, rate: float) -> np.ndarray:
     return np.asarray(filtered)
 
 
+def before_lag(signal: np.ndarray, time_constant: float, rate: float) -> np.ndarray:
+    """Return what a first-order low-pass has made `signal`, (n, ...), of; NaN where that is."""
+    return np.asarray(signal + time_constant * slope(np.nan_to_num(signal), rate))
+
+
 def through(
     signal: np.ndarray, above: Sequence[float], below: Sequence[float], rate: float
 ) -> np.ndarray:

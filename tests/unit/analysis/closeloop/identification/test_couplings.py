@@ -105,3 +105,19 @@ def test_a_hinge_and_a_slide_have_units_of_both_and_no_belt_between() -> None:
     of_slide = unfitted(moving(), 2)
     assert COUPLING.unit_of("effort_share", back, of_slide) == "1/m"
     assert COUPLING.unit_of("torque_at_zero", back, of_slide) == "N"
+
+
+def test_an_effort_behind_a_declared_low_pass_is_passed_on_as_it_was_before_it() -> None:
+    """The regressor passes that low-pass as every other does: once, not twice."""
+    still, hertz = moving(), 6.0
+    trial = replace(still.session.trials[0], effort_filter_hz=hertz)
+    still = replace(still, session=replace(still.session, trials=(trial,)), cache={})
+    effort = of_differential(np.array(still.inverse), {(0, 1): 0.5})
+    effort = still.lagged(effort, 1.0 / (2 * np.pi * hertz))
+    robot = measured(still, effort, noise=0.0)
+    rows, model = select_rows(robot, (0,)), Model(robot)
+    before = evaluate(model, rows)
+    candidate = Candidate(effect=COUPLING, joint=0)
+    (option,) = options_beside(model, rows, before, [candidate])
+    assert option.theta["by"] == EFFORT
+    assert option.score.loss < 1e-4 * before.loss
