@@ -1,6 +1,7 @@
 """Devices that MuJoCo simulates under a controller: friction sticks, loads bend the path."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from analysis.closeloop.loop import analyse, close_loop
 from analysis.closeloop.report.repaired import repaired_model
@@ -83,6 +85,25 @@ def test_a_differential_is_a_coupling_by_effort_both_ways_that_simulation_confir
     assert all(e["mujoco_element"].startswith("applied torque") for e in report["effects"])
     for joint in report["confirmation"]["joints"].values():
         assert joint["feedback_after"] < 0.2 * joint["feedback_before"]
+
+
+def test_efforts_that_are_logged_early_at_all_joints_leave_nothing_to_explain(
+    tmp_path: Path,
+) -> None:
+    """Each current is that of the control cycle after the encoder's beside it in the log."""
+    write_recordings(tmp_path, ARM, 1)
+    for file in tmp_path.glob("*.csv"):
+        header, *_ = file.read_text().splitlines()
+        table = np.loadtxt(file, delimiter=",", skiprows=1)
+        names = header.split(",")
+        efforts = [names.index(f"{joint}.effort") for joint in ARM.joints]
+        clock = table[:, names.index("time")]
+        table[:, efforts] = CubicSpline(clock, table[:, efforts])(clock + 1e-3)
+        np.savetxt(file, table, "%.9g", ",", header=header, comments="")
+    report = analyse(tmp_path).report
+    assert report["verdict"] == "adequate"
+    (said,) = [line for line in report["warnings"] if "logged" in line]
+    assert re.match(r"efforts are logged (1\.0\d|0\.9\d) ms before the positions", said)
 
 
 def test_a_tremor_is_described_and_given_no_name(tmp_path: Path) -> None:
