@@ -87,14 +87,30 @@ def declared_again(model: Model, rows: Rows) -> Model:
             if len(options) < 2:
                 break
             for option in options:
-                terms = list(best.terms)
-                terms[place] = replace(option, lower=term.lower, kept=term.kept)
-                tried = replace(best, terms=tuple(terms))
+                tried = _in_place(best, place, option, rows)
                 own = evaluate(tried, rows).sse
                 if own < left:
                     best, left = tried, own
         model = best
     return model
+
+
+def _in_place(model: Model, place: int, option: Term, rows: Rows) -> Model:
+    """Return the model with `option` in the place of one of its declared terms.
+
+    The columns that the others leave of it stay the same, unless it has another law: a coupling by
+    the other joint's effort has fewer than one by its motion.
+    """
+    there, terms = model.terms[place], list(model.terms)
+    if option.width == there.width:
+        terms[place] = replace(option, lower=there.lower, kept=there.kept)
+        return replace(model, terms=tuple(terms))
+    del terms[place]
+    others = replace(model, terms=tuple(terms))
+    beside = with_independent(others, option, rows)
+    if beside is others:
+        return model
+    return replace(model, terms=(*terms[:place], beside.terms[-1], *terms[place:]))
 
 
 def _nearby(recording: Recording, term: Term, scale: float) -> list[Term]:

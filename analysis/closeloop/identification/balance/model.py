@@ -58,6 +58,11 @@ class Term:
         return self.lower[min(column, len(self.lower) - 1)]
 
     @property
+    def width(self) -> int:
+        """Columns before those go that others explain."""
+        return int(next(iter(self.columns.values())).shape[1])
+
+    @property
     def rubs(self) -> bool:
         """Whether the motion does not determine its torque at rest."""
         return self.effect is not None and self.effect.rubs
@@ -204,9 +209,9 @@ def kept_columns(term: Term) -> Columns:
 def with_independent(model: Model, term: Term, rows: Rows) -> Model:
     """Add the columns of `term` that the model's do not explain."""
     base, _ = model.base(rows)
-    width = next(iter(term.columns.values())).shape[1]
     least = (term.effect or Effect).least_own
-    _, kept = keep_independent(base, rows.stack(model.transformed(term.columns), width), least)
+    stacked = rows.stack(model.transformed(term.columns), term.width)
+    _, kept = keep_independent(base, stacked, least)
     return model.with_term(replace(term, kept=kept)) if kept else model
 
 

@@ -5,11 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, unfitted
+from analysis.closeloop.identification.balance.declared import declared_again
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    Term,
+    evaluate,
+    unfitted,
+)
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.candidates import options_beside
+from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
-from sim.effects.laws.coupling import ACCELERATION, EFFORT
+from sim.effects.laws.coupling import ACCELERATION, EFFORT, MOTION
 from tests.testbed.sessions.coupled import measured, moving, traced, values
 
 COUPLING = BY_NAME["cross_joint_coupling"]
@@ -21,6 +29,14 @@ def of_differential(needed: np.ndarray, shares: dict[tuple[int, int], float]) ->
     for (joint, other), share in shares.items():
         passed[joint, other] = share
     return np.linalg.solve(passed, needed.T).T
+
+
+def values_of(model: Model, robot: Recording) -> dict[str, float]:
+    """Return the parameters of a coupling that is the only term of a model."""
+    ((term, own),) = model.split(evaluate(model, select_rows(robot, (0,))).coefficients)
+    read = COUPLING.readings(unfitted(robot, term.joint), term.theta)
+    fitted = dict(zip(term.kept, own.tolist(), strict=True))
+    return {name: float(reading.of(fitted)) for name, reading in read.items()}
 
 
 def test_a_coupling_by_effort_is_found_both_ways_and_is_no_gain() -> None:
@@ -121,3 +137,25 @@ def test_an_effort_behind_a_declared_low_pass_is_passed_on_as_it_was_before_it()
     (option,) = options_beside(model, rows, before, [candidate])
     assert option.theta["by"] == EFFORT
     assert option.score.loss < 1e-4 * before.loss
+
+
+@pytest.mark.parametrize(("first", "right"), [(MOTION, EFFORT), (EFFORT, MOTION)])
+def test_what_a_declared_coupling_goes_by_is_chosen_again(first: float, right: float) -> None:
+    """Of the three columns by motion there may be one that no other law has."""
+    still = moving()
+    effort = np.array(still.inverse)
+    if right == EFFORT:
+        effort = of_differential(effort, {(0, 1): 0.4})
+    else:
+        effort[:, 0] += 0.8 * still.position[:, 1] + 0.3 * still.velocity[:, 1]
+    robot = measured(still, effort)
+    rows, joint = select_rows(robot, (0,)), unfitted(robot, 0)
+    theta = {"other_dof": 1.0, "between": 0.0, "by": first}
+    columns = COUPLING.columns(joint, theta)
+    every = tuple(range(columns[0].shape[1]))
+    term = Term(joint=0, columns=columns, kept=every, theta=theta, effect=COUPLING)
+    found = declared_again(Model(robot, terms=(term,)), rows)
+    assert found.terms[0].theta["by"] == right
+    own = values_of(found, robot)
+    expected = {"effort_share": -0.4} if right == EFFORT else {"stiffness": 0.8, "damping": 0.3}
+    assert {name: own[name] for name in expected} == pytest.approx(expected, rel=0.02)
