@@ -4,6 +4,8 @@ A joint passes the speeds at which Stribeck's excess is lost in milliseconds, an
 its noise asks for takes most of what is left of it. At rest the same friction holds whatever the
 motor happens to apply, up to its breakaway level (Armstrong-Helouvry, Dupont and Canudas de Wit
 1994, section 2): more than the friction in motion where there is an excess, never more elsewhere.
+A rest that is left slowly takes that level, too, where a quick start passes it in milliseconds;
+what a brake held, or a person who leaned on the arm, it does not take.
 """
 
 from collections.abc import Iterator
@@ -26,6 +28,7 @@ from analysis.closeloop.identification.balance.model import (
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.steps import Grown
 from analysis.closeloop.identification.nameable import beyond_physics, lowest
@@ -39,10 +42,19 @@ STRIBECK, COULOMB = BY_NAME["stribeck_friction"], BY_NAME["coulomb_friction"]
 SPEEDS = np.geomspace(0.004, 0.4, 21)
 #: What is held for so long is no reversal, s.
 HELD = 2.0 * REST
+#: What a rest is left with is the most over so long, s: an excess is lost in some hundredths.
+PEAK = 0.02
 NOTE = (
     "stribeck_friction of {}: at rest it holds {:.3g} {} to either side and slides with {:.3g}; "
     "the excess is known from the rests, and is at least the difference"
 )
+
+
+#: Torques to the positive and to the negative side, Nm or N; of many rests, and of one.
+Sides = tuple[list[float], list[float]]
+Levels = tuple[float, float]
+#: Of the starts to either side, the speed soon after, rad/s or m/s, and the torque, Nm or N.
+Starts = tuple[list[tuple[float, float]], list[tuple[float, float]]]
 
 
 @dataclass(frozen=True)
@@ -51,13 +63,29 @@ class Held:
 
     level: float
     sliding: float
-    #: Root mean square of what the model leaves of the joint in motion.
+    #: The most that it took to leave a rest slowly, to the side where that is less.
+    leaving: float
+    #: Root mean square of what the model leaves of the joint in the faster half of its motion,
+    #: where no excess is left of it.
     error: float
 
     @property
     def z(self) -> float:
         """What is held beyond the sliding friction, in errors."""
         return (self.level - self.sliding) / self.error
+
+    @property
+    def breaks_away(self) -> bool:
+        """Whether leaving a rest takes what is held rather than what sliding takes."""
+        return self.leaving > 0.5 * (self.level + self.sliding)
+
+
+@dataclass(frozen=True)
+class Rest:
+    """From and to when a joint rests, s, and how fast it is soon after; 0 if nobody knows."""
+
+    time: tuple[float, float]
+    speed: float
 
 
 def with_breakaway(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
@@ -84,7 +112,7 @@ def with_breakaway(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     return grown, tuple(notes)
 
 
-def held_levels(torque: np.ndarray, width: int) -> tuple[float, float]:
+def held_levels(torque: np.ndarray, width: int) -> Levels:
     """Return the most that one rest holds to the positive and to the negative side.
 
     Args:
@@ -115,34 +143,81 @@ def _held(grown: Grown, rows: Rows, joint: int) -> Held | None:
     # What friction the file declares has no direction at rest.
     expected = prediction(model, coefficients)
     expected[:, joint] -= (recording.inverse - recording.rigid)[:, joint]
+    held, left = _at_rests(recording, joint, expected)
+    if not all(left):
+        return None
+    found = Held(
+        # To either side: what a wrong offset or gravity adds to one it takes from the other.
+        level=min(max(side) for side in held),
+        sliding=sliding,
+        leaving=min(_slowly(side) for side in left),
+        error=_error_in_motion(grown, rows, joint),
+    )
+    least = MIN_TORQUE * rms(recording.effort[rows.samples[joint], joint])
+    seen = found.z > MIN_Z and found.level - sliding > least
+    return found if seen and found.breaks_away else None
+
+
+def _error_in_motion(grown: Grown, rows: Rows, joint: int) -> float:
+    """Return the root mean square of what the model leaves in the faster half of the samples."""
+    part = rows.parts[joint]
+    expected = grown.model.base(rows)[0][part] @ np.array(grown.score.coefficients)
+    left = (grown.model.target(rows)[part] - expected) / rows.weight[part]
+    speed = np.abs(rows.recording.velocity[rows.samples[joint], joint])
+    return rms(left[speed >= np.median(speed)])
+
+
+def _slowly(left: list[tuple[float, float]]) -> float:
+    """Return the most that the slower half of starts took, of each its speed and its torque."""
+    return max(torque for _, torque in sorted(left)[: (len(left) + 1) // 2])
+
+
+def _at_rests(recording: Recording, joint: int, expected: np.ndarray) -> tuple[Sides, Starts]:
+    """Return what each rest holds, and how it is left, to either side.
+
+    Args:
+        recording: the trials.
+        joint: its number.
+        expected: effort without the joint's friction, (n, joints).
+    """
     # The fit's low-pass would overshoot where a torque changes its side.
     errors = raw_errors(recording.of_joint(joint), expected, recording.fit_trials)
-    width = max(2, round(HELD * recording.sampling.recorded))
-    sides = [
-        held_levels(error.residual[slice(*np.searchsorted(error.time, rest))], width)
-        for error in errors
-        for rest in _rests(recording, joint, error.trial)
-    ]
-    if not sides:
-        return None
-    # To either side: what a wrong offset or gravity adds to one it takes from the other.
-    level = float(np.min(np.max(sides, axis=0)))
-    held = Held(level, sliding, rows.left_by_joint(grown.score.losses)[joint])
-    least = MIN_TORQUE * rms(recording.effort[rows.samples[joint], joint])
-    return held if held.z > MIN_Z and level - sliding > least else None
+    rate = recording.sampling.recorded
+    held: Sides = ([], [])
+    left: Starts = ([], [])
+    for error in errors:
+        for rest in _rests(recording, joint, error.trial):
+            for side, level in zip(held, _most(error, *rest.time, HELD * rate), strict=True):
+                side.append(level)
+            if rest.speed:
+                stop, negative = rest.time[1], rest.speed < 0.0
+                taken = _most(error, stop - HELD, stop + HELD, PEAK * rate)
+                left[negative].append((abs(rest.speed), taken[negative]))
+    return held, left
 
 
-def _rests(recording: Recording, joint: int, trial: int) -> Iterator[tuple[float, float]]:
-    """Yield when a joint rests in a trial and nothing disturbs it, from and to, s."""
+def _most(error: TrialError, start: float, stop: float, width: float) -> Levels:
+    """Return the most of what a model leaves of a trial over `width` samples of a stretch, s."""
+    within = slice(*np.searchsorted(error.time, (start, stop)))
+    return held_levels(error.residual[within], max(2, round(width)))
+
+
+def _rests(recording: Recording, joint: int, trial: int) -> Iterator[Rest]:
+    """Yield the rests of a joint in a trial that nothing disturbs."""
     for piece in recording.pieces_of(trial):
-        resting = recording.resting(joint, piece) & recording.usable[piece]
+        still = recording.resting(joint, piece)
+        resting = still & recording.usable[piece]
         if recording.disturbed is not None:
             resting &= ~recording.disturbed[piece, joint]
         resting[: recording.edge] = False
         resting[len(resting) - recording.edge :] = False
-        clock = recording.time[piece]
+        clock, velocity = recording.time[piece], recording.velocity[piece, joint]
+        soon = max(1, round(HELD * recording.rate))
         for rest in runs(resting):
-            yield clock[rest.start], clock[rest.stop - 1]
+            after = rest.stop + soon - 1
+            known = after < len(still) and not still[rest.stop]
+            speed = float(velocity[after]) if known else 0.0
+            yield Rest((float(clock[rest.start]), float(clock[rest.stop - 1])), speed)
 
 
 def _with_excess(grown: Grown, rows: Rows, joint: int, held: Held) -> Grown | None:

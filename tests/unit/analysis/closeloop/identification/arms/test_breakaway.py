@@ -29,8 +29,11 @@ SLOW = 0.02
 COULOMB = BY_NAME["coulomb_friction"]
 
 
-def to_and_fro(held: tuple[float, float]) -> Recording:
-    """An elbow that goes to and fro, and holds so much to either side at each end, Nm."""
+def to_and_fro(held: tuple[float, float], *, let_go: float = 0.0) -> Recording:
+    """An elbow that goes to and fro, and holds so much to either side at each end, Nm.
+
+    What holds it may let go some time before it leaves, s.
+    """
     ways = 12
     s = np.linspace(0.0, 1.0, int(RATE * WAY), endpoint=False)
     way = 10 * s**3 - 15 * s**4 + 6 * s**5
@@ -48,6 +51,10 @@ def to_and_fro(held: tuple[float, float]) -> Recording:
     after = np.arange(len(place)) % int(RATE * (WAY + REST)) < int(RATE * (WAY + REST / 2))
     forward = (place > 0.5) == after
     friction[rest] = np.where(forward, held[0], -held[1])[rest]
+    last = np.flatnonzero(rest & ~np.roll(rest, -1))
+    for end in last:
+        gone = slice(end + 1 - round(let_go * RATE), end + 1)
+        friction[gone] = np.clip(friction[gone], -0.9 * FRICTION, 0.9 * FRICTION)
     effort = np.array(arm.inverse)
     effort[:, ELBOW] += friction
     effort[:, ELBOW] += NOISE * np.random.default_rng(2).standard_normal(len(effort))
@@ -105,6 +112,19 @@ def test_a_joint_that_holds_more_than_it_slides_with_has_stribeck_friction() -> 
 )
 def test_else_its_friction_stays_what_it_is(held: tuple[float, float], why: str) -> None:
     assert named(to_and_fro(held)) == {"coulomb_friction"}, why
+
+
+def test_a_brake_that_lets_go_before_the_joint_leaves_is_no_friction() -> None:
+    """Leaving takes no more than sliding does, whatever the rest held."""
+    assert named(to_and_fro((1.8, 1.7), let_go=0.1)) == {"coulomb_friction"}
+
+
+def test_where_somebody_pushes_it_out_of_each_rest_nothing_tells_what_leaving_takes() -> None:
+    arm = to_and_fro((1.8, 1.7))
+    rest = arm.resting(ELBOW, arm.slices[0])
+    disturbed = np.zeros(arm.position.shape, dtype=bool)
+    disturbed[:, ELBOW] = rest & ~np.roll(rest, -round(0.2 * RATE))
+    assert named(replace(arm, disturbed=disturbed)) == {"coulomb_friction"}
 
 
 def test_what_somebody_pushed_is_no_breakaway() -> None:
