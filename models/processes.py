@@ -58,11 +58,13 @@ def orphans(but: Collection[int]) -> list[int]:
 
 
 def children(pid: int) -> list[int]:
-    """Return the processes that a process started, or took over."""
+    """Return the processes that a process started, or took over; none if it has ended."""
     found: list[int] = []
-    for listed in Path(f"/proc/{pid}/task").glob("*/children"):
-        with suppress(OSError):
-            found += map(int, listed.read_text().split())
+    # It may end at any moment, as may any of its threads.
+    with suppress(OSError), os.scandir(f"/proc/{pid}/task") as threads:
+        for thread in threads:
+            with suppress(OSError):
+                found += map(int, Path(thread.path, "children").read_text().split())
     return found
 
 
