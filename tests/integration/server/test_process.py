@@ -46,9 +46,11 @@ class Coordinator:
         self.process = warm.Process(
             "rehyb", "coordinator", environment=environment, out=self._out, err=self._err
         )
-        until(lambda: self._out.read_text() or self.process.poll() is not None)
-        match = STARTED.fullmatch(self._out.read_text())
-        assert match is not None, self._err.read_text()
+        # The line may be there before its end is.
+        until(lambda: "\n" in self._out.read_text() or self.process.poll() is not None)
+        said = self._out.read_text()
+        match = STARTED.fullmatch(said)
+        assert match is not None, (said, self.process.poll(), self._err.read_text())
         self.url = match[1]
 
     def client(self, token: str = TOKEN) -> httpx2.Client:
