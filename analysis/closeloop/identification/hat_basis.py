@@ -3,6 +3,9 @@
 import numpy as np
 
 KNOTS = 8
+#: Least distance of knots, over the signal's range. Nearer ones are one value twice but for its
+#: rounding, as of a joint that is held; what a saturated signal says in its last digits is farther.
+APART = 1e-12
 
 
 def hat_basis(signal: np.ndarray, knots: int = KNOTS) -> np.ndarray:
@@ -11,6 +14,7 @@ def hat_basis(signal: np.ndarray, knots: int = KNOTS) -> np.ndarray:
     if len(good) == 0:
         return np.empty((len(signal), 0))
     at = np.unique(np.quantile(good, np.linspace(0.0, 1.0, knots)))
+    at = at[np.diff(at, prepend=-np.inf) > APART * np.ptp(at)]
     if len(at) < 2:
         return np.empty((len(signal), 0))
     filled = np.nan_to_num(signal, nan=float(good.mean()))
