@@ -65,3 +65,9 @@ nonlinear_stiffness end_range_torque stretch_reflex
 """
 #: Effects that a simulated assessment can have, in the order of their factors.
 ASSESSED: Mapping[str, Effect] = MappingProxyType({name: BY_NAME[name] for name in _ORDER.split()})
+
+
+def law_of(name: str, *, of_limb: bool) -> Effect:
+    """Return the effect that a session means by a name, at a limb's joint or at a robot's own."""
+    own = () if of_limb else OF_ROBOTS
+    return next((effect for effect in own if effect.name == name), BY_NAME[name])

@@ -14,6 +14,7 @@ What left-out groups do not miss goes, after each step. Joints are weighed by wh
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.arms.zeros import with_zeros
-from analysis.closeloop.identification.balance.declared import placed
+from analysis.closeloop.identification.balance.declared import declared_again, placed
 from analysis.closeloop.identification.balance.luck import (
     MIN_GAIN,
     MIN_LATER_GAIN,
@@ -174,6 +175,8 @@ def with_ordinary(model: Model, rows: Rows) -> Model:
                 for theta in effect.thetas(unfitted(recording, joint))
             ]
             model = min(choices, key=lambda choice: _misfit(choice, rows, joint))
+        # Alone, declared Coulomb friction that turns slowly is viscous friction, too.
+        model = declared_again(model, rows, partial(_misfit, rows=rows, joint=joint), of=joint)
     return model
 
 

@@ -1,5 +1,6 @@
 """The model as declared: the rigid chain, the declared effects, and the loads that hang from it."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 
@@ -17,7 +18,7 @@ from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.link_torque import carriers
 from analysis.closeloop.session.recording import Recording
-from sim.effects.catalogue import BY_NAME
+from sim.effects.catalogue import law_of
 from sim.effects.effect import Columns, Effect, Theta
 from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns
 from sim.effects.rigid import point_mass
@@ -42,7 +43,7 @@ def declared_model(recording: Recording, rows: Rows) -> Model:
         joint = recording.device.joints.index(declared.joint)
         if joint not in recording.joints:
             continue
-        effect = BY_NAME[declared.effect]
+        effect = law_of(declared.effect, of_limb=joint in recording.limbs)
         if not effect.channel:
             thetas = effect.thetas(unfitted(recording, joint))
             choices.append([_declared(recording, effect, joint, theta) for theta in thetas])
@@ -64,20 +65,35 @@ def declared_model(recording: Recording, rows: Rows) -> Model:
     return model
 
 
-def declared_again(model: Model, rows: Rows) -> Model:
+def declared_again(
+    model: Model,
+    rows: Rows,
+    misfit: Callable[[Model], float] | None = None,
+    *,
+    of: int | None = None,
+) -> Model:
     """Return the model with the non-linear parameters of declared effects chosen once more.
 
     Beside an effect that was found they may be others: friction that seemed to turn late turns at
     once beside the delay.
+
+    Args:
+        model: with what was found.
+        rows: the samples to fit.
+        misfit: what a model leaves; of all rows if None.
+        of: the joint whose declared effects are chosen; None for all.
     """
+    misfit = misfit or (lambda model: evaluate(model, rows).sse)
     recording = model.recording
     for place, term in enumerate(model.terms):
         if term.candidate is not None or term.effect is None or term.load is not None:
             continue
+        if of is not None and term.joint != of:
+            continue
         if term.rubs and any(t.candidate and t.rubs and t.joint == term.joint for t in model.terms):
             # What was found turns with it.
             continue
-        best, left = model, evaluate(model, rows).sse
+        best, left = model, misfit(model)
         for scale in (0.0, 1.0, 0.5):
             there = best.terms[place]
             options = _nearby(recording, there, scale)
@@ -88,7 +104,7 @@ def declared_again(model: Model, rows: Rows) -> Model:
                 break
             for option in options:
                 tried = _in_place(best, place, option, rows)
-                own = evaluate(tried, rows).sse
+                own = misfit(tried)
                 if own < left:
                     best, left = tried, own
         model = best

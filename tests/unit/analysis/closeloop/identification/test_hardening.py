@@ -5,7 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import unfitted
+from analysis.closeloop.identification.balance.declared import declared_model
+from analysis.closeloop.identification.balance.model import evaluate, unfitted
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.session.contents import DeclaredEffect
 from sim.effects.catalogue import BY_NAME, OF_ROBOTS
 from tests.testbed.sessions.coupled import measured, moving, traced, values
 from tests.testbed.sessions.rich import ELBOW, rich_recording
@@ -24,6 +27,23 @@ def test_a_spring_that_hardens_or_softens_is_one_effect(hardening: float) -> Non
     assert own["cubic_stiffness"] == pytest.approx(hardening, rel=0.05)
     assert own["centre"] == pytest.approx(0.45, abs=0.02)
     assert own["stiffness"] == pytest.approx(0.8, rel=0.1)
+
+
+def test_a_robots_declared_spring_is_fitted_whole() -> None:
+    still = moving()
+    needed = np.array(still.inverse)
+    stretch = still.position[:, 1] - 0.45
+    needed[:, 1] += 0.8 * stretch + 12.0 * stretch**3
+    robot = measured(still, needed)
+    declared = (DeclaredEffect(effect="nonlinear_stiffness", joint="b"),)
+    robot = replace(robot, session=replace(robot.session, declared=declared))
+    rows = select_rows(robot, (0,))
+    model = declared_model(robot, rows)
+    (term,) = model.terms
+    assert term.kept == (0, 1, 2)
+    cubic, stiffness, _ = evaluate(model, rows).coefficients
+    assert cubic == pytest.approx(12.0, rel=0.05)
+    assert stiffness == pytest.approx(0.8, rel=0.1)
 
 
 def test_a_spring_that_is_a_straight_line_is_a_stiffness_as_ever() -> None:

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms import robot
+from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.model import Candidate, Model, Term, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.coupled import measured, moving, traced
@@ -47,6 +49,26 @@ def test_beside_declared_damping_friction_may_be_less_and_inertia_may_not() -> N
         "coulomb_friction": 0.0,
         "added_inertia": 0.0,
     }
+
+
+def test_declared_coulomb_friction_takes_in_no_viscous_friction() -> None:
+    """Before viscous friction is there, one that turns slowly fits better than one at once."""
+    still = rich_recording(20)
+    speed = still.velocity[:, ELBOW]
+    effort = np.array(still.inverse)
+    effort[:, ELBOW] += 3.2 * np.tanh(speed / 0.02) + 2.0 * speed
+    effort += 0.002 * np.random.default_rng(5).standard_normal(effort.shape)
+    declared = (DeclaredEffect(effect="coulomb_friction", joint=still.name(ELBOW)),)
+    session = replace(still.session, declared=declared)
+    arm = replace(still, session=session, effort=still.filtered(effort), cache={})
+    rows = select_rows(arm, (0,))
+    model = declared_model(arm, rows)
+    found = robot.traced_robot(model, robot.weighed(model, rows), lambda _: None)
+    assert {step.key for step in found.steps} == {("viscous_friction", ELBOW)}
+    ((_, own),) = (
+        pair for pair in found.model.split(found.score.coefficients) if pair[0].candidate is None
+    )
+    assert own == pytest.approx([3.2], rel=0.03)
 
 
 def test_what_is_part_of_an_effect_that_is_there_is_not_added_again() -> None:
