@@ -1,6 +1,6 @@
 """A session's `session.json`: what each field may hold."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -18,36 +18,37 @@ from analysis.closeloop.session.contents import (
     Trial,
 )
 from analysis.closeloop.session.files import SESSION_FILE, Fields, inside, read_json
-from sim.effects.catalogue import VISCOELASTIC
+from sim.effects.catalogue import VISCOELASTIC, law_of
 
 MAX_TRIALS = 200
 MAX_JSON_BYTES = 1_000_000
-#: What `session.json` and each of its trials may say.
-KEYS = (
-    "schema",
-    "model",
-    "subject",
-    "declared_effects",
-    "ignored_joints",
-    "limb_joints",
-    "sensors",
-    "effort_filter_hz",
-    "kinematic_cutoff_hz",
-    "columns",
-    "trials",
-)
-TRIAL_KEYS = (
-    "file",
-    "label",
-    "group",
-    "role",
-    "added_mass",
-    "payload",
-    "effort_filter_hz",
-    "columns",
-    "from",
-    "to",
-)
+#: Any name may stand there.
+ANY = "*"
+#: What `session.json` may say: by name what stands inside, None if that is read elsewhere.
+_KEYS: Mapping[str, Any] = {
+    "schema": None,
+    "model": None,
+    "subject": {"height_m": None, "mass_kg": None},
+    "declared_effects": {"effect": None, "joint": None},
+    "ignored_joints": None,
+    "limb_joints": None,
+    "sensors": {ANY: {"noise_rms": None}},
+    "effort_filter_hz": None,
+    "kinematic_cutoff_hz": None,
+    "columns": None,
+    "trials": {
+        "file": None,
+        "label": None,
+        "group": None,
+        "role": None,
+        "added_mass": {"body": None, "mass_kg": None, "position": None},
+        "payload": {"name": None, "body": None},
+        "effort_filter_hz": None,
+        "columns": None,
+        "from": None,
+        "to": None,
+    },
+}
 
 
 def read_session(folder: Path, known_effects: Collection[str]) -> Session:
@@ -80,6 +81,7 @@ def read_session(folder: Path, known_effects: Collection[str]) -> Session:
     limbs = _joint_names(fields, "limb_joints")
     if fields.get("limb_joints") is None:
         limbs = tuple(entry.joint for entry in declared if entry.effect == VISCOELASTIC.name)
+    _only_where_limbs_are(fields, declared, limbs)
     return Session(
         folder=folder,
         model=model,
@@ -91,7 +93,9 @@ def read_session(folder: Path, known_effects: Collection[str]) -> Session:
         kinematic_cutoff_hz=_cutoff_hz(fields),
         noise=_noise(fields),
         trials=_trials(fields, folder, filter_hz),
-        unknown=_unknown(fields),
+        unknown=tuple(
+            name.encode(errors="backslashreplace").decode() for name in _unread(content, _KEYS)
+        ),
     )
 
 
@@ -105,12 +109,20 @@ def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
-def _unknown(fields: Fields) -> tuple[str, ...]:
-    """Return where the file says something that no analysis reads: often a slip of the pen."""
-    found = [name for name in fields.content if name not in KEYS]
-    for number, trial in enumerate(fields.get("trials")):
-        found += [f"trials[{number}].{name}" for name in trial if name not in TRIAL_KEYS]
-    return tuple(name.encode(errors="backslashreplace").decode() for name in found)
+def _unread(content: Any, known: Mapping[str, Any] | None, where: str = "") -> Iterator[str]:
+    """Yield where the file says something that no analysis reads: often a slip of the pen."""
+    if known is None:
+        return
+    if isinstance(content, list):
+        for number, entry in enumerate(content):
+            yield from _unread(entry, known, f"{where}[{number}]")
+    elif isinstance(content, dict):
+        for name, value in content.items():
+            place = f"{where}.{name}" if where else name
+            if name in known or ANY in known:
+                yield from _unread(value, known.get(name, known.get(ANY)), place)
+            else:
+                yield place
 
 
 def _declared(fields: Fields, known_effects: Collection[str]) -> tuple[DeclaredEffect, ...]:
@@ -127,6 +139,24 @@ def _declared(fields: Fields, known_effects: Collection[str]) -> tuple[DeclaredE
             raise own.wrong("", f"{effect} of {found.joint} is declared twice")
         declared.append(found)
     return tuple(declared)
+
+
+def _only_where_limbs_are(
+    fields: Fields, declared: Sequence[DeclaredEffect], limbs: Collection[str]
+) -> None:
+    """Refuse a limb's effect at a joint where no limb is.
+
+    Raises:
+        SessionError: naming the declaration.
+    """
+    for number, entry in enumerate(declared):
+        of_limb = entry.joint in limbs
+        if law_of(entry.effect, of_limb=of_limb).limb and not of_limb:
+            raise fields.wrong(
+                f"declared_effects[{number}]",
+                f"{entry.effect} is an effect of a limb, and {entry.joint!r} has none: declare its "
+                "viscoelastic_joint, too, or list it in limb_joints",
+            )
 
 
 def _trials(fields: Fields, folder: Path, filter_hz: float | None) -> tuple[Trial, ...]:

@@ -140,6 +140,10 @@ BAD: dict[str, tuple[Spoil, str]] = {
         words(declared_effects=[{"effect": "viscoelastic_joint", "joint": "elbow"}] * 2),
         "declared twice",
     ),
+    "a limb's effect where no limb is": (
+        words(declared_effects=[{"effect": "stretch_reflex", "joint": "elbow"}]),
+        r"declared_effects\[0\] stretch_reflex is an effect of a limb, and 'elbow' has none",
+    ),
     "every joint ignored": (
         words(ignored_joints=["shoulder", "elbow"], declared_effects=[]),
         "leaves no joint",

@@ -35,9 +35,21 @@ def test_bad_input_is_one_error_that_says_where(folder: Path, what: str) -> None
 
 
 def test_the_sound_session_is_read_and_what_nobody_reads_is_told(folder: Path) -> None:
-    words(declared_effect=[], trials=[{"file": "a.csv", "groupe": "slow"}])(folder)
+    hanging = {"body": "forearm", "mass_kg": 0.5, "place": [0.1, 0.0, 0.0]}
+    words(
+        declared_effect=[],
+        declared_effects=[{"effect": "coulomb_friction", "joint": "elbow", "torque": 5.0}],
+        sensors={"elbow.effort": {"noise_rms": 0.05, "rms": 0.05}},
+        trials=[{"file": "a.csv", "groupe": "slow", "added_mass": hanging}],
+    )(folder)
     session = load_session(folder).session
-    assert session.unknown == ("declared_effect", "trials[0].groupe")
+    assert set(session.unknown) == {
+        "declared_effect",
+        "declared_effects[0].torque",
+        "sensors.elbow.effort.rms",
+        "trials[0].groupe",
+        "trials[0].added_mass.place",
+    }
 
 
 def test_files_saved_with_a_byte_order_mark_are_read(folder: Path) -> None:
