@@ -24,7 +24,7 @@ from sim.effects.effect import Columns
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 
 DELAY = 0.02
-
+INERTIA = 0.05
 
 SLOW, QUICK = (0.4, 0.6), (0.01, 5.0)
 
@@ -68,7 +68,7 @@ def moving(
     [
         ((DELAY, DELAY), (SLOW, QUICK), True),
         ((0.0, DELAY), (SLOW, QUICK), False),
-        ((DELAY, 0.0), (SLOW, QUICK), False),
+        ((DELAY, 0.0), ((0.6, 1.5), (0.005, 5.0)), False),
         # What little there is just below the cutoff is what smoothing the positions made of it.
         ((DELAY, DELAY, -DELAY), (SLOW, (0.01, 6.0), (0.0003, 9.0)), True),
     ],
@@ -90,6 +90,30 @@ def test_a_delay_is_named_only_if_it_is_the_same_at_every_frequency(
     found, notes = held_in_octaves(Grown(model, score, (step,)), rows)
     assert bool(found.steps) is stays
     assert ("time_delay of elbow is not added" in " ".join(notes)) is not stays
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_inertia_is_named_only_if_the_slow_motion_feels_it_too(
+    stays: bool, recording: Recording
+) -> None:
+    trembling = moving(recording, (0.0, 0.0))
+    amplitude, hertz = QUICK
+    pulse = 2 * np.pi * hertz
+    quick = -amplitude * pulse**2 * np.sin(pulse * trembling.time)
+    felt = trembling.acceleration[:, ELBOW] if stays else quick
+    effort = np.array(trembling.effort)
+    effort[:, ELBOW] += trembling.filtered(INERTIA * felt[:, None])[:, 0]
+    trembling = replace(trembling, effort=effort, cache={})
+    rows = select_rows(trembling, (0,))
+    candidate = Candidate(effect=BY_NAME["added_inertia"], joint=ELBOW)
+    columns = candidate.effect.columns(unfitted(trembling, ELBOW), {})
+    term = Term(
+        effect=candidate.effect, joint=ELBOW, columns=columns, kept=(0,), candidate=candidate
+    )
+    model = Model(trembling, terms=(term,))
+    score = evaluate(model, rows)
+    found, notes = held_in_octaves(Grown(model, score, (added(candidate, model, score),)), rows)
+    assert bool(found.steps) is stays and len(notes) == (not stays)
 
 
 def rubs(recording: Recording) -> tuple[Recording, Columns]:
