@@ -23,6 +23,7 @@ from server.logic.study.plans import FactorChoice
 from server.routes.study.studies import StudyBody
 from server.settings import Settings
 from sim.assessment.validity import FAILURES
+from sim.effects.catalogue import BY_NAME, OF_ROBOTS
 from sim.models import ELBOW
 from sim.parameters.conditions import CONDITIONS
 from sim.robot.device import DEVICES
@@ -104,6 +105,18 @@ def test_every_output_and_failure_is_explained() -> None:
         assert re.sub(suffix, "", output) in README
     for failure in FAILURES:
         assert f"`{failure}`" in NAMED_FAILURES
+
+
+def test_every_effect_is_explained_with_its_parameters_and_their_units() -> None:
+    page = (DOCS / "use" / "effects.md").read_text()
+    rows = dict(re.findall(r"^\| (`[a-z_]+`(?: \([a-z]+\))?) \| (.*) \|$", page, re.M))
+    laws = [(effect, " (limb)" if effect.limb else "") for effect in BY_NAME.values()]
+    laws += [(effect, " (robot)") for effect in OF_ROBOTS]
+    assert rows.keys() == {f"`{effect.name}`{where}" for effect, where in laws}
+    for effect, where in laws:
+        told = [f"`{name}` ({p.unit}) {p.description}" for name, p in effect.parameters.items()]
+        expected = f"{effect.signature} | {'; '.join(told)}"
+        assert rows[f"`{effect.name}`{where}"] == expected
 
 
 def test_every_condition_and_every_device_is_explained() -> None:
