@@ -15,11 +15,18 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.designs.blocks import BLOCKS, blocks_of
+from analysis.designs.blocks import BLOCKS, IN_TURN, blocks_of
 from analysis.designs.dependence import dependent
 from analysis.designs.distributions import Distribution
 from analysis.designs.groups import Units, places_of
-from analysis.designs.points import latin_hypercube, paired, points, sobol, sobol_blocks
+from analysis.designs.points import (
+    latin_hypercube,
+    owen_blocks,
+    paired,
+    points,
+    sobol,
+    sobol_blocks,
+)
 from analysis.designs.radial import radial_row
 from analysis.designs.saltelli import saltelli_row
 from analysis.designs.shapley import shapley_orders, shapley_row
@@ -35,14 +42,15 @@ METHODS = ("morris", "saltelli", "saltelli_second_order", "shapley", "surrogate"
 SINGLE_POINTS = ("surrogate", "sample")
 DEPENDENT = ("shapley", "sample")
 WITH_INDICES = tuple(method for method in METHODS if method != "sample")
-#: Where base points come from: eight Sobol sequences scrambled independently; one Sobol sequence;
-#: the same with the two coordinates that a factor has in a row taken from neighbouring dimensions;
-#: Latin hypercubes, as in the paper.
-SAMPLINGS = ("sobol_blocks", "sobol", "sobol_paired", "latin_hypercube")
+#: Where base points come from: eight Sobol sequences scrambled independently, by nested scrambles
+#: or linear ones; one Sobol sequence; the same with the two coordinates that a factor has in a row
+#: taken from neighbouring dimensions; Latin hypercubes, as in the paper.
+SAMPLINGS = ("owen_blocks", "sobol_blocks", "sobol", "sobol_paired", "latin_hypercube")
 #: Its intervals hold the truth as often as they say (`docs/measurements/indices.md`).
-DEFAULT_SAMPLING = "sobol_blocks"
+DEFAULT_SAMPLING = "owen_blocks"
 
 _POINTS = {
+    "owen_blocks": owen_blocks,
     "sobol_blocks": sobol_blocks,
     "sobol": sobol,
     "sobol_paired": sobol,
@@ -51,7 +59,7 @@ _POINTS = {
 #: Orders of the factors that are made, and kept, at a time: of as many rows as points are.
 _ORDERS_AT_ONCE = 1024
 #: Of these, a factor's two coordinates in a row are neighbours.
-_PAIRED = ("sobol_blocks", "sobol_paired")
+_PAIRED = (*IN_TURN, "sobol_paired")
 
 __all__ = [
     "BLOCKS",

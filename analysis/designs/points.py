@@ -13,15 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs.blocks import BLOCKS
-from analysis.designs.streams import Purpose, bits
+from analysis.designs.nested import BITS, nested
+from analysis.designs.streams import Purpose, bits, bits_of
 
 #: Rows per Latin hypercube. Every block is a hypercube of its own, so a study can be extended.
 LATIN_HYPERCUBE_ROWS = 50
 
-#: A Sobol sequence has 2**30 points and as many values of a coordinate.
-_SOBOL_BITS = 30
-
-#: Points of a sequence that are made, and kept, at a time.
+#: Points that are made, and kept, at a time.
 _POINTS_AT_ONCE = 1024
 
 #: Places of a sequence from which others are reached.
@@ -48,11 +46,24 @@ def sobol(seed: int, row: int, dimensions: int) -> NDArray[np.float64]:
     return point
 
 
-def sobol_blocks(seed: int, row: int, dimensions: int) -> NDArray[np.float64]:
-    """Return a point of one of eight Sobol sequences scrambled independently (Owen 1997).
+def owen_blocks(seed: int, row: int, dimensions: int) -> NDArray[np.float64]:
+    """Return a point of one of eight Sobol sequences scrambled independently (Owen 1995, 1997).
 
     Row r is point r // 8 of sequence r % 8 (`analysis.designs.blocks`), so all grow alike, and are
-    balanced when the number of rows is a power of two.
+    balanced when the number of rows is a power of two. Scrambles are nested
+    (`analysis.designs.nested`).
+
+    Raises:
+        ValueError: as `sobol`.
+    """
+    _check(row)
+    part, offset = divmod(row, _POINTS_AT_ONCE)
+    point: NDArray[np.float64] = _owen_rows(seed, part, dimensions)[offset]
+    return point
+
+
+def sobol_blocks(seed: int, row: int, dimensions: int) -> NDArray[np.float64]:
+    """Return a point of the same eight sequences with scrambles as those of `sobol` (Owen 1997).
 
     Raises:
         ValueError: as `sobol`.
@@ -87,7 +98,7 @@ def points(sampling: str, seed: int, rows: Sequence[int], dimensions: int) -> ND
     """Return the points of many rows as the function of that name does of one (Owen 1997).
 
     Args:
-        sampling: "sobol", "sobol_paired", "sobol_blocks" or "latin_hypercube".
+        sampling: "owen_blocks", "sobol_blocks", "sobol", "sobol_paired" or "latin_hypercube".
 
     Returns:
         Shape (rows, dimensions).
@@ -96,12 +107,12 @@ def points(sampling: str, seed: int, rows: Sequence[int], dimensions: int) -> ND
         ValueError: as `sobol`.
     """
     number = np.asarray(rows, dtype=np.int64)
+    blocks = BLOCKS if sampling == "sobol_blocks" else 1
     if sampling == "latin_hypercube":
         part, offset = np.divmod(number, LATIN_HYPERCUBE_ROWS)
     else:
         _check(int(number.min()))
         _check(int(number.max()))
-        blocks = BLOCKS if sampling == "sobol_blocks" else 1
         index, block = np.divmod(number, blocks)
         part, offset = np.divmod(index, _POINTS_AT_ONCE // blocks)
         part = part * blocks + block
@@ -110,6 +121,8 @@ def points(sampling: str, seed: int, rows: Sequence[int], dimensions: int) -> ND
     for p, one in enumerate(parts.tolist()):
         if sampling == "latin_hypercube":
             made = _latin_hypercube_block(seed, one, dimensions)
+        elif sampling == "owen_blocks":
+            made = _owen_rows(seed, one, dimensions)
         else:
             start, of = divmod(one, blocks)
             key = (of,) if blocks > 1 else ()
@@ -120,8 +133,19 @@ def points(sampling: str, seed: int, rows: Sequence[int], dimensions: int) -> ND
 
 
 def _check(row: int) -> None:
-    if not 0 <= row < 2**_SOBOL_BITS:
-        raise ValueError(f"row of a Sobol design must be from 0 to 2**{_SOBOL_BITS} - 1, not {row}")
+    if not 0 <= row < 2**BITS:
+        raise ValueError(f"row of a Sobol design must be from 0 to 2**{BITS} - 1, not {row}")
+
+
+@lru_cache(maxsize=64)
+def _owen_rows(seed: int, part: int, dimensions: int) -> NDArray[np.float64]:
+    """Return rows `part * _POINTS_AT_ONCE` and on of `owen_blocks`."""
+    rows = np.arange(part * _POINTS_AT_ONCE, (part + 1) * _POINTS_AT_ONCE)
+    index, block = np.divmod(rows, BLOCKS)
+    keys = bits_of(seed, Purpose.SCRAMBLE, range(BLOCKS), dimensions)
+    points = nested(index.astype(np.uint64), keys[block])
+    points.setflags(write=False)
+    return points
 
 
 @lru_cache(maxsize=64)
@@ -149,7 +173,7 @@ class _Sequence:
             if first > place.num_generated:
                 place.fast_forward(first - place.num_generated)
             # The middle of a cell of the sequence's grid rather than its corner, which may be 0.
-            points: NDArray[np.float64] = place.random(size) + 0.5 ** (_SOBOL_BITS + 1)
+            points: NDArray[np.float64] = place.random(size) + 0.5 ** (BITS + 1)
             self._places = [*self._places, place][-_PLACES:]
         points.setflags(write=False)
         return points
@@ -171,7 +195,7 @@ class _Sequence:
 
         # SciPy spawns the generator it is given, which only one with a seed sequence can do.
         rng = np.random.Generator(np.random.PCG64(deepcopy(self._seed)))
-        return qmc.Sobol(self._dimensions, scramble=True, bits=_SOBOL_BITS, rng=rng)
+        return qmc.Sobol(self._dimensions, scramble=True, bits=BITS, rng=rng)
 
 
 _sequence = lru_cache(maxsize=64)(_Sequence)

@@ -24,6 +24,7 @@ class Purpose(IntEnum):
     BAND = 5
     ORDER = 6
     GROUP = 7
+    SCRAMBLE = 8
 
 
 class _Philox(threading.local):

@@ -169,7 +169,7 @@ def _one_sequence(snapshot: Mapping[str, Any]) -> str:
         return ""
     return (
         "Points of one Sobol sequence depend on each other: intervals are too wide on average, and "
-        "may miss single factors all the same. Those of sampling sobol_blocks are honest."
+        "may miss single factors all the same. Those of sampling owen_blocks are honest."
     )
 
 

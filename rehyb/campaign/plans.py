@@ -19,7 +19,7 @@ class Plan:
     screening_rows: int
     #: Rows of phase 2, each of k + 1 instances for the k - 1 factors left (N in the paper).
     variance_rows: int
-    sampling: str = "sobol_blocks"
+    sampling: str = "owen_blocks"
     seed: int = 1
     #: Phase 2 is extended up to this many rows until every interval of its indices is within
     #: +-`target` (default 0.02); None: it has `variance_rows` and no more.
@@ -48,7 +48,7 @@ class Plan:
 #: Sizes of a campaign: fields of a plan.
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     # Minutes on a laptop. At this size scrambled Sobol points are several times more precise.
-    "demo": {"screening_rows": 16, "variance_rows": 64, "sampling": "sobol_blocks"},
+    "demo": {"screening_rows": 16, "variance_rows": 64, "sampling": "owen_blocks"},
     # Sections 3.1 and 3.2.
     "paper": {"screening_rows": 150, "variance_rows": 3000, "sampling": "latin_hypercube"},
 }

@@ -72,7 +72,8 @@ def run(
     sampling: Annotated[
         str | None,
         typer.Option(
-            help="sobol_blocks, sobol, sobol_paired or latin_hypercube. Default: the preset's."
+            help="owen_blocks, sobol_blocks, sobol, sobol_paired or latin_hypercube. "
+            "Default: the preset's."
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of both designs.")] = 1,

@@ -27,7 +27,7 @@ def snapshot(half: float, *, sampling: str = "sobol", rows: int = 300) -> dict[s
 
 def fitted(half: float, rows: int, *, explained: float = 0.99, doubt: str = "") -> dict[str, Any]:
     """Return a snapshot of a study of method surrogate."""
-    found = snapshot(half, sampling="sobol_blocks", rows=rows)
+    found = snapshot(half, sampling="owen_blocks", rows=rows)
     found["method"] = "surrogate"
     found["outputs"]["error"] |= {
         "surrogate": {"kind": "gaussian process", "runs": rows, "explained": explained},

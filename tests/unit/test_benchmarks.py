@@ -10,7 +10,6 @@ from benchmarks import measuring
 from benchmarks.measuring import Target, Throughput, percentile, watch
 from benchmarks.sensitivity.coverage_tables import coverage, described
 from benchmarks.sensitivity.latency import lags
-from benchmarks.sensitivity.scrambles import nested
 from benchmarks.service.by_turns import ratio
 from benchmarks.service.million import Million
 from benchmarks.service.rivals import Rival
@@ -161,18 +160,6 @@ def test_results_arrive_at_their_rate_and_every_commit_knows_how_long_it_kept_th
 def test_every_constant_of_the_table_is_one_number_within_its_uncertainty() -> None:
     for constant in CONSTANTS:
         assert constant.low <= held(constant.name) <= constant.high, constant.name
-
-
-def test_a_nested_scramble_leaves_one_point_in_each_cell_and_moves_it_about_within() -> None:
-    grid = np.arange(16, dtype=np.int64)[:, None] << 26  # the corners of sixteen cells
-    found = [nested(grid, np.random.default_rng(seed))[:, 0] for seed in range(50)]
-    cells = np.sort(16 * np.array(found), axis=1)
-    assert np.all(np.floor(cells) == np.arange(16))
-    within = cells % 1.0
-    assert abs(within.mean() - 0.5) < 0.04
-    assert abs(np.corrcoef(within[:, 0], within[:, 1])[0, 1]) < 0.4
-    # Digits below a cell's are flipped for each point apart: means of sequences hardly ever agree.
-    assert len({round(float(one.mean()), 9) for one in found}) == 50
 
 
 def test_what_changes_by_turns_is_told_block_by_block() -> None:

@@ -2,7 +2,7 @@
 
 The jackknife (Tukey 1958; for groups, Busing, Meijer and van der Leeden 1999) turns the spread of
 those eight numbers into a standard error, whatever the index; and where blocks are independent, as
-those of `sobol_blocks` are, it counts what a Sobol design gains, which resampling of rows cannot.
+those of `owen_blocks` are, it counts what a Sobol design gains, which resampling of rows cannot.
 Student's t with seven degrees of freedom makes up for eight blocks being few. How often intervals
 hold the truth, `benchmarks.sensitivity.coverage` prints; they were chosen on seeds that it does not
 use.
@@ -162,8 +162,10 @@ def satterthwaite(
     variation = np.where((mean == 0.0) & nothing, jackknife_error(others, present), variation)
     tail = ndtr(-students_quantile(present, level, stretched**2))
     half_freedom = np.maximum(variation, 1e-9) ** -2.0
-    low = mean * half_freedom / gammainccinv(half_freedom, tail)
-    high = mean * half_freedom / gammaincinv(half_freedom, tail)
+    # From two blocks there is no end above, and none is told.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low = mean * half_freedom / gammainccinv(half_freedom, tail)
+        high = mean * half_freedom / gammaincinv(half_freedom, tail)
     moves = variation > 1e-9
     told = ~np.isnan(variation) & (present.sum(axis=0) > LEAST_FREEDOM)
     low, high = (np.where(told, end, np.nan) for end in (low, high))

@@ -111,7 +111,7 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
     if more == 0:
         sentence = f"Every index of {output} is within {reach}: {now}."
     else:
-        sobol = snapshot["sampling"].startswith("sobol") and name != "mu_star"
+        sobol = snapshot["sampling"].startswith(("owen", "sobol")) and name != "mu_star"
         about = "At most about" if sobol else "About"
         sentence = f"{about} {more:,} more rows ({runs:,} runs) bring {output} to {reach}: {now}."
         if snapshot["method"] == "surrogate" and complete + more > MOST_RUNS:

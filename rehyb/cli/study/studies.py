@@ -64,8 +64,8 @@ def submit(
     sampling: Annotated[
         str | None,
         typer.Option(
-            help="sobol_blocks, sobol, sobol_paired, latin_hypercube, or trajectories for morris. "
-            "Default: sobol_blocks."
+            help="owen_blocks, sobol_blocks, sobol, sobol_paired, latin_hypercube, or trajectories "
+            "for morris. Default: owen_blocks."
         ),
     ] = None,
     priority: Annotated[int | None, optional(help="Higher is sooner. Default: 0.")] = None,

@@ -48,7 +48,7 @@ def study(
     *,
     rows: int,
     seed: int,
-    sampling: str = "sobol_blocks",
+    sampling: str = "owen_blocks",
     failing: tuple[float, ...] = (0.0,),
 ) -> Estimator:
     """Return the estimator of a study, with an output for each share of runs that fail at random.
@@ -75,13 +75,13 @@ def test_indices_converge_to_their_closed_forms(
     function: Function, first: NDArray[np.float64], total: NDArray[np.float64]
 ) -> None:
     """Failed runs at random cost precision, and shift nothing."""
-    found = study("saltelli", function, rows=8192, seed=5, failing=(0.0, 0.02)).indices()
+    found = study("saltelli", function, rows=8192, seed=6, failing=(0.0, 0.02)).indices()
     for output, tolerance in enumerate((0.004, 0.03)):
         np.testing.assert_allclose(found["first_order"].value[output], first, atol=tolerance)
         np.testing.assert_allclose(found["total_order"].value[output], total, atol=tolerance)
 
 
-@pytest.mark.parametrize("sampling", ["sobol_blocks", "sobol", "latin_hypercube"])
+@pytest.mark.parametrize("sampling", ["owen_blocks", "sobol", "latin_hypercube"])
 def test_first_order_is_unbiased_over_seeds(sampling: str) -> None:
     found = np.stack(
         [
@@ -112,10 +112,10 @@ def test_a_sobol_design_is_worth_several_latin_hypercubes() -> None:
                 ]
             )
         )
-        for sampling in ("sobol", "sobol_blocks", "latin_hypercube")
+        for sampling in ("sobol", "owen_blocks", "latin_hypercube")
     }
     assert error["sobol"] < 0.5 * error["latin_hypercube"]
-    assert error["sobol_blocks"] < 0.8 * error["latin_hypercube"]
+    assert error["owen_blocks"] < 0.8 * error["latin_hypercube"]
 
 
 @pytest.mark.parametrize("function", [ishigami, sobol_g])
@@ -165,13 +165,13 @@ def test_intervals_of_pairs_cover_the_truth(function: Function) -> None:
 
 def test_intervals_of_one_sobol_sequence_are_too_wide() -> None:
     """What the default is for: at the same size its intervals are narrower, and no less true."""
-    width: dict[str, list[NDArray[np.float64]]] = {"sobol": [], "sobol_blocks": []}
+    width: dict[str, list[NDArray[np.float64]]] = {"sobol": [], "owen_blocks": []}
     for sampling, widths in width.items():
         for seed in range(10):
             found = study("saltelli", sobol_g, rows=1024, seed=seed, sampling=sampling).indices()
             widths.append(found["total_order"].high[0] - found["total_order"].low[0])
     medians = {sampling: np.median(widths, axis=0) for sampling, widths in width.items()}
-    assert np.all(medians["sobol_blocks"][:3] < 0.7 * medians["sobol"][:3])
+    assert np.all(medians["owen_blocks"][:3] < 0.7 * medians["sobol"][:3])
 
 
 @cache

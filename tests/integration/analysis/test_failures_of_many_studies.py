@@ -17,7 +17,7 @@ def rows_that_fail(tie: float, studies: int = 300, rows: int = 512) -> SaltelliE
     values = high + 0.5 * rng.normal(size=(rows, 4, studies))
     values[rng.random(values.shape) < 0.1 * (1.0 + tie * high)] = np.nan
     estimator = SaltelliEstimator(
-        sampling="sobol_blocks", seed=1, factors=2, outputs=studies, indicators=0
+        sampling="owen_blocks", seed=1, factors=2, outputs=studies, indicators=0
     )
     estimator.add_rows(range(rows), values)
     return estimator

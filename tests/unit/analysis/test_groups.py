@@ -54,7 +54,7 @@ def test_units_are_groups_and_the_factors_in_none_each_in_the_place_of_its_first
 
 def test_a_row_exchanges_the_factors_of_a_group_together() -> None:
     a, b, mixed, other, *back = unit_row(
-        "saltelli_second_order", "sobol_blocks", 3, 5, 3, units=PLACES
+        "saltelli_second_order", "owen_blocks", 3, 5, 3, units=PLACES
     )
     assert mixed.tolist() == [b[0], a[1], b[2]] and other.tolist() == [a[0], b[1], a[2]]
     assert back[0].tolist() == [a[0], b[1], a[2]] and len(back) == 2
@@ -67,8 +67,8 @@ def test_groups_of_one_factor_each_change_no_bit() -> None:
     alone = [[0], [1], [2]]
     for method in ("saltelli", "saltelli_second_order"):
         for row in range(9):
-            grouped = unit_row(method, "sobol_blocks", 3, row, 3, units=alone)
-            assert np.array_equal(grouped, unit_row(method, "sobol_blocks", 3, row, 3))
+            grouped = unit_row(method, "owen_blocks", 3, row, 3, units=alone)
+            assert np.array_equal(grouped, unit_row(method, "owen_blocks", 3, row, 3))
     for row in range(9):
         grouped = unit_row("morris", "trajectories", 3, row, 3, units=alone)
         assert np.array_equal(grouped, unit_row("morris", "trajectories", 3, row, 3))
@@ -86,8 +86,8 @@ def test_a_trajectory_moves_every_factor_of_a_group_by_two_levels_at_once() -> N
 
 
 def test_indices_of_groups_come_to_those_of_ishigami() -> None:
-    values = ishigami(rows_of("saltelli", "sobol_blocks", 2048))[..., None]
-    estimator = SaltelliEstimator(sampling="sobol_blocks", seed=3, factors=2, outputs=1)
+    values = ishigami(rows_of("saltelli", "owen_blocks", 2048))[..., None]
+    estimator = SaltelliEstimator(sampling="owen_blocks", seed=3, factors=2, outputs=1)
     estimator.add_rows(range(2048), values)
     for index in ("first_order", "total_order"):
         found = estimator.indices()[index]
@@ -98,8 +98,8 @@ def test_indices_of_groups_come_to_those_of_ishigami() -> None:
 
 
 def test_salib_says_the_same_of_groups_on_the_same_samples() -> None:
-    values = ishigami(rows_of("saltelli", "sobol_blocks", 512))
-    ours = SaltelliEstimator(sampling="sobol_blocks", seed=3, factors=2, outputs=1)
+    values = ishigami(rows_of("saltelli", "owen_blocks", 512))
+    ours = SaltelliEstimator(sampling="owen_blocks", seed=3, factors=2, outputs=1)
     ours.add_rows(range(512), values[..., None])
     ordered = values[:, [0, 2, 3, 1]].ravel()
     with warnings.catch_warnings():
@@ -128,7 +128,7 @@ def test_salib_says_the_same_of_elementary_effects_of_groups() -> None:
     )
 
 
-def plan(method: str, sampling: str = "sobol_blocks", rows: int = 8) -> StudyPlan:
+def plan(method: str, sampling: str = "owen_blocks", rows: int = 8) -> StudyPlan:
     return StudyPlan(
         id="s",
         method=method,
@@ -163,8 +163,8 @@ def results(of: StudyPlan) -> list[LoggedResult]:
 @pytest.mark.parametrize(
     ("method", "sampling"),
     [
-        ("saltelli", "sobol_blocks"),
-        ("saltelli_second_order", "sobol_blocks"),
+        ("saltelli", "owen_blocks"),
+        ("saltelli_second_order", "owen_blocks"),
         ("morris", "trajectories"),
     ],
 )
@@ -239,4 +239,4 @@ def test_groups_that_are_none_are_a_sentence(
 
 def test_groups_of_morris_move_along_trajectories_only() -> None:
     with pytest.raises(ValueError, match="groups of morris move along trajectories"):
-        unit_row("morris", "sobol_blocks", 3, 0, 3, units=PLACES)
+        unit_row("morris", "owen_blocks", 3, 0, 3, units=PLACES)

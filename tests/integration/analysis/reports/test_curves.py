@@ -26,7 +26,7 @@ def study(method: str, *outputs: str) -> dict[str, Any]:
         "name": "curves",
         "model": "two",
         "method": method,
-        "sampling": "sobol_blocks",
+        "sampling": "owen_blocks",
         "seed": 1,
         "rows": 16,
         "factors": [{"name": name, "distribution": UNIT.to_json()} for name in "abc"],

@@ -46,7 +46,7 @@ def of(*pairs: tuple[str, str, float], kind: str = "rank", shapes: Any = SHAPES)
 
 
 def points(
-    correlation: Any, rows: int = 600, sampling: str = "sobol_blocks", method: str = "shapley"
+    correlation: Any, rows: int = 600, sampling: str = "owen_blocks", method: str = "shapley"
 ) -> Any:
     """Return the A of many rows."""
     return np.stack([unit_row(method, sampling, 3, r, 3, correlation)[0] for r in range(rows)])
@@ -96,15 +96,15 @@ def test_points_share_the_first_factors_of_the_order_bit_for_bit(
     value = data.draw(st.floats(-0.2, 0.9))
     correlation = np.full((k, k), value * (0.99 if value > 0 else 0.9))
     np.fill_diagonal(correlation, 1.0)
-    order = orders_of("sobol_blocks", seed, [row], k)[0].tolist()
+    order = orders_of("owen_blocks", seed, [row], k)[0].tolist()
     assert sorted(order) == list(range(k))
-    found = unit_row("shapley", "sobol_blocks", seed, row, k, correlation)
+    found = unit_row("shapley", "owen_blocks", seed, row, k, correlation)
     assert found.shape == (k + 3, k)
     assert ((found > 0.0) & (found < 1.0)).all()
     for j in range(1, k):
         assert np.array_equal(found[1 + j, order[:j]], found[0, order[:j]])
         assert (found[1 + j, order[j:]] != found[0, order[j:]]).all()
-    again = unit_row("shapley", "sobol_blocks", seed, row, k, correlation)
+    again = unit_row("shapley", "owen_blocks", seed, row, k, correlation)
     assert np.array_equal(found, again)
 
 
@@ -118,7 +118,7 @@ def test_an_order_is_the_same_in_whatever_company_it_is_asked_for() -> None:
 
 
 def test_each_factor_is_first_and_last_equally_often() -> None:
-    orders = orders_of("sobol_blocks", 1, range(384), 4)
+    orders = orders_of("owen_blocks", 1, range(384), 4)
     for place in (0, -1):
         counts = np.bincount(orders[:, place], minlength=4)
         assert np.all(np.abs(counts - 96) <= 8), counts
@@ -133,8 +133,8 @@ def test_what_makes_correlated_normals_is_the_cholesky_factor() -> None:
 
 def test_without_correlations_points_are_those_of_independent_factors() -> None:
     shapes = dict(zip(NAMES, SHAPES, strict=True))
-    alone = instance_parameters("shapley", "sobol_blocks", 1, 7, shapes)
-    apart = instance_parameters("shapley", "sobol_blocks", 1, 7, shapes, np.eye(3))
+    alone = instance_parameters("shapley", "owen_blocks", 1, 7, shapes)
+    apart = instance_parameters("shapley", "owen_blocks", 1, 7, shapes, np.eye(3))
     for one, other in zip(alone, apart, strict=True):
         assert one == pytest.approx(other, rel=1e-9)
 

@@ -19,6 +19,7 @@ from analysis.designs import (
     unit_row,
     unit_rows,
 )
+from analysis.designs.blocks import IN_TURN
 from analysis.designs.distributions import LogUniform, Normal, Uniform
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS, _sobol_points, sobol
 from analysis.designs.radial import SMALLEST_STEP, legs
@@ -50,10 +51,13 @@ def test_many_rows_at_once_are_those_that_are_asked_for_one_by_one(
     assert unit_rows(method, sampling, 5, [], 3).shape == (0, *each[0].shape)
 
 
+@pytest.mark.parametrize("sampling", IN_TURN)
 @pytest.mark.parametrize("rows", [[-1], [3, -1], [2**31]])
-def test_rows_that_no_design_has_are_refused_among_others_too(rows: list[int]) -> None:
+def test_rows_that_no_design_has_are_refused_among_others_too(
+    sampling: str, rows: list[int]
+) -> None:
     with pytest.raises(ValueError, match="row"):
-        unit_rows("morris", "sobol_blocks", 5, rows, 3)
+        unit_rows("morris", sampling, 5, rows, 3)
 
 
 def test_bits_are_those_of_a_fresh_generator_whatever_was_drawn_before() -> None:
@@ -88,6 +92,11 @@ def test_bits_of_many_streams_are_those_of_each() -> None:
             "sobol",
             [0.029702758882194757, 0.14377051452174783],
             [0.4557941979728639, 0.7172231269069016],
+        ),
+        (
+            "owen_blocks",
+            [0.3087653783150017, 0.2092131651006639],
+            [0.3134595178999007, 0.8842423944734037],
         ),
         (
             "sobol_blocks",
@@ -191,7 +200,7 @@ def test_parameters_are_quantiles_in_position_order() -> None:
         (("fast", "sobol", 1, 0, 2), "unknown method 'fast': expected one of morris, saltelli"),
         (
             ("morris", "grid", 1, 0, 2),
-            "unknown sampling 'grid' of morris: expected one of sobol_blocks, sobol",
+            "unknown sampling 'grid' of morris: expected one of owen_blocks, sobol_blocks",
         ),
         (("morris", "sobol", -1, 0, 2), "seed must be an integer from 0"),
         (("morris", "latin_hypercube", 2**64, 0, 2), "seed must be an integer from 0"),
@@ -233,21 +242,21 @@ def squares(sampling: str, seed: int) -> "np.ndarray[tuple[int, ...], np.dtype[n
     return np.asarray((rows[:, 0] - rows[:, 1]) ** 2)
 
 
-def test_every_block_is_a_sobol_sequence_of_its_own() -> None:
+@pytest.mark.parametrize("sampling", IN_TURN)
+def test_every_block_is_a_sobol_sequence_of_its_own(sampling: str) -> None:
     """16 rows of a block have one point in each of 16 strata of every coordinate."""
-    rows = np.stack([unit_row("saltelli", "sobol_blocks", 9, row, 3)[:2] for row in range(128)])
+    rows = np.stack([unit_row("saltelli", sampling, 9, row, 3)[:2] for row in range(128)])
     for block in range(BLOCKS):
         strata = np.floor(rows[block::BLOCKS].reshape(16, 6) * 16).astype(int)
         assert np.array_equal(np.sort(strata, axis=0), np.tile(np.arange(16)[:, None], 6))
 
 
-def test_blocks_err_independently_of_each_other() -> None:
+@pytest.mark.parametrize("sampling", IN_TURN)
+def test_blocks_err_independently_of_each_other(sampling: str) -> None:
     """Means of one coordinate over 4 points of each block, of 200 seeds, are not correlated."""
     means = np.stack(
         [
-            unit_rows("morris", "sobol_blocks", seed, range(32), 1)[:, 0]
-            .reshape(4, BLOCKS)
-            .mean(axis=0)
+            unit_rows("morris", sampling, seed, range(32), 1)[:, 0].reshape(4, BLOCKS).mean(axis=0)
             for seed in range(200)
         ]
     )
@@ -264,7 +273,7 @@ def test_eight_neighbours_belong_to_eight_blocks(sampling: str) -> None:
     expected = blocks.ravel()[shuffled]
     assert np.array_equal(blocks_of(sampling, 5, shuffled), expected)
     in_turn = np.all(blocks == np.arange(BLOCKS))
-    assert in_turn == (sampling == "sobol_blocks"), "rows of other designs are dealt at random"
+    assert in_turn == (sampling in IN_TURN), "rows of other designs are dealt at random"
 
 
 def test_a_study_of_a_hundred_million_rows_is_not_walked_through_for_every_lease(

@@ -22,7 +22,7 @@ from tests.testbed.given import ROWS, ishigami, written
 
 
 def saltelli(rows: int, k: int = 3) -> Any:
-    return np.stack([unit_row("saltelli", "sobol_blocks", 4, row, k) for row in range(rows)])
+    return np.stack([unit_row("saltelli", "owen_blocks", 4, row, k) for row in range(rows)])
 
 
 def test_a_saltelli_design_of_any_order_is_recognised_and_estimated() -> None:
@@ -110,7 +110,7 @@ def test_points_of_a_sequence_are_told_also_of_factors_that_all_depend_on_each_o
 ) -> None:
     correlation = np.array([[1.0, 0.6, 0.5], [0.6, 1.0, 0.7], [0.5, 0.7, 1.0]])
     even = np.concatenate(
-        [unit_row("sample", "sobol_blocks", 4, row, 3, correlation) for row in range(512)]
+        [unit_row("sample", "owen_blocks", 4, row, 3, correlation) for row in range(512)]
     )
     assert quasi_random(even[:, order])
     drawn = np.random.default_rng(3).multivariate_normal(np.zeros(3), correlation, 512)

@@ -153,6 +153,14 @@ def test_of_a_variance_of_many_normal_numbers_it_is_nearly_the_chi_square_interv
     assert covered == pytest.approx(0.9, abs=0.015)
 
 
+def test_two_blocks_tell_no_end_of_a_mean_of_squares_at_any_level() -> None:
+    """Bands of curves ask for levels at which Student's quantile of one degree is a thousand."""
+    blocks = np.array([[1.0], [1.2]])
+    value, without, present = blocks.mean(axis=0), leave_out(blocks), everywhere(blocks.shape)
+    found = satterthwaite(value, without, present, 1.0 - 1e-4)
+    assert np.isnan(found.low).all() and np.isnan(found.high).all()
+
+
 def test_the_root_of_a_mean_of_squares_has_the_roots_of_its_ends() -> None:
     blocks = np.random.default_rng(3).gamma(2.0, size=(BLOCKS, 5))
     value, without, present = blocks.mean(axis=0), leave_out(blocks), everywhere(blocks.shape)
@@ -214,8 +222,8 @@ def test_the_spread_of_effects_of_balanced_points_is_held_though_n_minus_1_is_to
     held = []
     for seed in range(6):
         rows = range(256)
-        points = unit_rows("morris", "sobol_blocks", seed, rows, 2)
-        estimator = MorrisEstimator(sampling="sobol_blocks", seed=seed, factors=2, outputs=1)
+        points = unit_rows("morris", "owen_blocks", seed, rows, 2)
+        estimator = MorrisEstimator(sampling="owen_blocks", seed=seed, factors=2, outputs=1)
         estimator.add_rows(rows, points.prod(axis=-1)[..., None])
         sigma = estimator.indices(0.9)["sigma"]
         truth = np.sqrt(1.0 / 12.0)
@@ -227,12 +235,12 @@ def test_the_spread_of_effects_of_balanced_points_is_held_though_n_minus_1_is_to
 
 def test_a_mean_of_squares_has_no_interval_from_fewer_than_four_rows() -> None:
     """Of two rows it reached to 1.5e9 where the effects were 10: a number that says nothing."""
-    estimator = MorrisEstimator(sampling="sobol_blocks", seed=2, factors=2, outputs=1)
+    estimator = MorrisEstimator(sampling="owen_blocks", seed=2, factors=2, outputs=1)
     for row in range(4):
         found = estimator.indices()
         assert all(np.isnan(found[name].high).all() for name in ("mu_star", "sigma")), row
         assert all(np.isnan(found[name].low).all() for name in ("mu_star", "sigma")), row
-        points = unit_row("morris", "sobol_blocks", 2, row, 2)
+        points = unit_row("morris", "owen_blocks", 2, row, 2)
         estimator.add_rows([row], 10.0 * (points[:, :1] + points[:, 1:] ** 2)[None])
     found = estimator.indices()
     largest = found["mu_star"].value.max()
@@ -245,8 +253,8 @@ def test_ends_from_few_rows_of_effects_keep_a_share_of_what_independent_rows_err
     rows: int, kept: float
 ) -> None:
     """Rows that differ while their blocks agree: four rows of a block tell little of its error."""
-    estimator = MorrisEstimator(sampling="sobol_blocks", seed=3, factors=1, outputs=1)
-    points = unit_rows("morris", "sobol_blocks", 3, range(rows), 1)
+    estimator = MorrisEstimator(sampling="owen_blocks", seed=3, factors=1, outputs=1)
+    points = unit_rows("morris", "owen_blocks", 3, range(rows), 1)
     size = np.where(np.arange(rows) // BLOCKS % 2, 1.0, 3.0)[:, None]
     estimator.add_rows(range(rows), size[..., None] * points)
     mu = estimator.statistics()["mu"]

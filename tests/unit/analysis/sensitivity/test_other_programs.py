@@ -19,9 +19,9 @@ PROBLEM = {"num_vars": K, "names": list("abcd"), "bounds": [[0.0, 1.0]] * K}
 
 def sampled(method: str) -> tuple[Any, Any, Any]:
     """Return points (rows, width, factors), outputs (rows, width) and the indices of them."""
-    points = np.stack([unit_row(method, "sobol_blocks", 6, row, K) for row in range(ROWS)])
+    points = np.stack([unit_row(method, "owen_blocks", 6, row, K) for row in range(ROWS)])
     y = points[..., 0] * np.exp(points[..., 1]) + np.sin(5.0 * points[..., 2])
-    estimator = estimator_class(method)(sampling="sobol_blocks", seed=6, factors=K, outputs=1)
+    estimator = estimator_class(method)(sampling="owen_blocks", seed=6, factors=K, outputs=1)
     estimator.add_rows(range(ROWS), y[..., None])
     return points, y, {name: one.value[0] for name, one in estimator.indices().items()}
 

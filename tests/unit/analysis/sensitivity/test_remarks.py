@@ -78,5 +78,5 @@ def test_a_screening_says_what_does_too_little_and_what_is_open() -> None:
 
 
 def test_of_eight_sequences_nothing_is_said_against_their_intervals() -> None:
-    plan = study_plan("saltelli", rows=16, sampling="sobol_blocks")
+    plan = study_plan("saltelli", rows=16, sampling="owen_blocks")
     assert "Sobol sequence" not in " ".join(remarks(analyse(plan, results_of(plan)), "y"))

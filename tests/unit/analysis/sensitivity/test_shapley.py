@@ -31,9 +31,9 @@ CORRELATED = np.array([[1.0, 0.6, 0.0], [0.6, 1.0, -0.4], [0.0, -0.4, 1.0]])
 def estimated(function: Any, correlation: bytes | None, rows: int, k: int = 3) -> Any:
     matrix = None if correlation is None else np.frombuffer(correlation).reshape(k, k)
     points = np.stack(
-        [unit_row("shapley", "sobol_blocks", 12, row, k, matrix) for row in range(rows)]
+        [unit_row("shapley", "owen_blocks", 13, row, k, matrix) for row in range(rows)]
     )
-    estimator = ShapleyEstimator(sampling="sobol_blocks", seed=12, factors=k, outputs=1)
+    estimator = ShapleyEstimator(sampling="owen_blocks", seed=13, factors=k, outputs=1)
     estimator.add_rows(range(rows), function(points)[..., None])
     return estimator.indices()
 
@@ -67,8 +67,8 @@ def test_indices_are_those_of_the_closed_form(
 
 
 def test_effects_alone_are_the_same_to_the_last_bit() -> None:
-    points = np.stack([unit_row("shapley", "sobol_blocks", 12, row, 3) for row in range(24)])
-    alone = ShapleyEffects(sampling="sobol_blocks", seed=12, factors=3, outputs=1)
+    points = np.stack([unit_row("shapley", "owen_blocks", 13, row, 3) for row in range(24)])
+    alone = ShapleyEffects(sampling="owen_blocks", seed=13, factors=3, outputs=1)
     alone.add_rows(range(24), ishigami(points)[..., None])
     (found,) = alone.indices().values()
     whole = estimated(ishigami, None, 24)["shapley"]
@@ -77,8 +77,8 @@ def test_effects_alone_are_the_same_to_the_last_bit() -> None:
 
 
 def test_total_indices_allow_for_a_tail_as_far_as_the_output_may_have_one() -> None:
-    points = np.stack([unit_row("shapley", "sobol_blocks", 12, row, 2) for row in range(64)])
-    estimator = ShapleyEstimator(sampling="sobol_blocks", seed=12, factors=2, outputs=2)
+    points = np.stack([unit_row("shapley", "owen_blocks", 13, row, 2) for row in range(64)])
+    estimator = ShapleyEstimator(sampling="owen_blocks", seed=13, factors=2, outputs=2)
     even, heavy = np.sign(points[..., 0] - 0.5), points[..., 0] ** 12
     estimator.add_rows(range(64), np.stack([even, heavy], axis=-1))
     for name in ("full_total_order", "independent_total_order"):
@@ -117,7 +117,7 @@ def of_a_copula() -> tuple[StudyPlan, list[LoggedResult], dict[str, Any]]:
         id="s",
         method="shapley",
         seed=5,
-        sampling="sobol_blocks",
+        sampling="owen_blocks",
         rows=9,
         factors=("a", "b", "c"),
         outputs=("y",),
@@ -132,7 +132,7 @@ def of_a_copula() -> tuple[StudyPlan, list[LoggedResult], dict[str, Any]]:
             outputs={"y": float(weighted(point))} if (number, position) != (4, 2) else {},
         )
         for number in range(study.rows)
-        for row in [unit_row("shapley", "sobol_blocks", 5, number, 3, CORRELATED)]
+        for row in [unit_row("shapley", "owen_blocks", 5, number, 3, CORRELATED)]
         for position, point in enumerate(row)
     ]
     return study, every, analyse(study, every)
@@ -145,7 +145,7 @@ def test_of_a_copula_order_batches_and_restarts_leave_no_trace(data: st.DataObje
     study, every, expected = of_a_copula()
     order = data.draw(st.permutations(range(len(every))))
     cut = data.draw(st.integers(0, len(every)))
-    drawn = [unit_row("shapley", "sobol_blocks", 5, every[i].row, 3, CORRELATED) for i in order]
+    drawn = [unit_row("shapley", "owen_blocks", 5, every[i].row, 3, CORRELATED) for i in order]
     for i, row in zip(order, drawn, strict=True):
         y = every[i].outputs.get("y")
         assert y is None or y == float(weighted(row[every[i].position]))
@@ -171,6 +171,6 @@ def test_symbols_and_kurtosis_are_those_of_shares() -> None:
 def test_a_failed_run_costs_the_factors_beside_it_only() -> None:
     values = np.random.default_rng(1).normal(size=(64, 6, 1))
     values[5, 3] = np.nan
-    estimator = ShapleyEstimator(sampling="sobol_blocks", seed=1, factors=3, outputs=1)
+    estimator = ShapleyEstimator(sampling="owen_blocks", seed=1, factors=3, outputs=1)
     estimator.add_rows(range(64), values)
     assert sorted(estimator.effects[0].tolist()) == [63, 63, 64]

@@ -281,7 +281,7 @@ def test_the_last_row_of_the_largest_study_is_leased_and_done(
     engine: Engine, plan: Drawing, report: Reporting
 ) -> None:
     """More than 10**8 instances; all but the last row are taken as handed out."""
-    study = create(engine, plan(rows=MAX_ROWS, sampling="sobol_blocks"))
+    study = create(engine, plan(rows=MAX_ROWS, sampling="owen_blocks"))
     width = study.plan.instances // MAX_ROWS
     assert study.plan.instances > 10**8
     with writing(engine) as connection:

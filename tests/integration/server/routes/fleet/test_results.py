@@ -12,7 +12,7 @@ from pyarrow import parquet
 from sqlalchemy import event
 from sqlalchemy.engine import Engine
 
-from analysis.designs import instance_parameters
+from analysis.designs import DEFAULT_SAMPLING, instance_parameters
 from analysis.designs.distributions import Uniform
 from analysis.files.parquet import STUDY_KEY
 from analysis.sensitivity.service import catch_up
@@ -50,7 +50,7 @@ def test_a_lease_says_what_to_evaluate(client: TestClient, study: Json, clock: A
         f["name"]: Uniform(low=f["distribution"]["low"], high=f["distribution"]["high"])
         for f in study["factors"]
     }
-    points = [instance_parameters("saltelli", "sobol_blocks", 1, row, ranges) for row in (0, 1)]
+    points = [instance_parameters("saltelli", DEFAULT_SAMPLING, 1, row, ranges) for row in (0, 1)]
     places = [(0, 0), (0, 1), (0, 2), (0, 3), (0, 4), (1, 0)]
     names = [f"{study['id']}:{row}:{position}" for row, position in places]
     assert [i.pop("id") for i in lease["instances"]] == names

@@ -21,7 +21,7 @@ def test_a_study_is_created_and_found_again(client: TestClient, clock: Any) -> N
         "name": "first",
         "model": "elbow",
         "method": "morris",
-        "sampling": "sobol_blocks",
+        "sampling": "owen_blocks",
         "rows": 2,
         "seed": 1,
         "factors": [

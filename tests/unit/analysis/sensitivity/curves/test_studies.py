@@ -29,7 +29,7 @@ def plan(method: str = "saltelli", rows: int = 8, **changes: Any) -> StudyPlan:
         id="s",
         method=method,
         seed=3,
-        sampling="sobol_blocks",
+        sampling="owen_blocks",
         rows=rows,
         factors=("a", "b", "c"),
         outputs=("y", *NAMES, "z"),
@@ -153,7 +153,7 @@ def test_a_plan_is_read_from_what_the_interface_shows() -> None:
         "id": "s",
         "method": "saltelli",
         "seed": 3,
-        "sampling": "sobol_blocks",
+        "sampling": "owen_blocks",
         "rows": 8,
         "factors": [
             {"name": name, "distribution": {"kind": "uniform", "low": 0.0, "high": 1.0}}

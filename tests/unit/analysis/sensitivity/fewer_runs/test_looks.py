@@ -10,7 +10,7 @@ from analysis.sensitivity.records import LoggedResult
 from analysis.sensitivity.service import analyse
 from tests.testbed.studies import results_of, study_plan
 
-PLAN = replace(study_plan("surrogate", rows=140, sampling="sobol_blocks"), outputs=("y",))
+PLAN = replace(study_plan("surrogate", rows=140, sampling="owen_blocks"), outputs=("y",))
 
 
 @cache

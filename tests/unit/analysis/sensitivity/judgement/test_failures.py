@@ -121,7 +121,7 @@ def test_a_factor_of_no_influence_has_indices_of_exactly_zero_and_a_dummy_shows_
 
 def tied(seed: int) -> dict[str, Any]:
     """Return the failures of 256 rows where three runs of ten above the 90th percentile fail."""
-    plan = study_plan("saltelli", rows=256, sampling="sobol_blocks", seed=seed)
+    plan = study_plan("saltelli", rows=256, sampling="owen_blocks", seed=seed)
     results = results_of(plan)
     bound = float(np.quantile([r.outputs["y"] for r in results], 0.9))
     rng = np.random.default_rng(seed)
@@ -138,7 +138,7 @@ def test_failures_that_go_with_an_output_are_noticed(seed: int) -> None:
 
 
 def test_an_all_clear_says_what_would_have_been_noticed() -> None:
-    plan = study_plan("saltelli", rows=128, sampling="sobol_blocks")
+    plan = study_plan("saltelli", rows=128, sampling="owen_blocks")
     rng = np.random.default_rng(2)
     failed = [(row, p) for row in range(128) for p in range(5) if rng.random() < 0.06]
     failure = analyse(plan, results_of(plan, failed=failed))["failure"]

@@ -31,7 +31,7 @@ class Sums:
     """Failures of a fifth of the runs, that go with the outputs as said."""
 
     method: str = "saltelli"
-    sampling: str = "sobol_blocks"
+    sampling: str = "owen_blocks"
     rows: float = 101.0
     correlation: tuple[float, ...] = (0.0, 0.0, 0.0)
     off: tuple[float, ...] = (1.0, 2.0, 50.0)
@@ -127,7 +127,7 @@ def test_indices_below_a_dummys_show_that_some_factor_matters(below: float, depe
 
 
 @pytest.mark.parametrize(
-    ("sampling", "inverse"), [("trajectories", 1.0 / STEP), ("sobol_blocks", MEAN_INVERSE_STEP)]
+    ("sampling", "inverse"), [("trajectories", 1.0 / STEP), ("owen_blocks", MEAN_INVERSE_STEP)]
 )
 def test_a_dummys_mean_effect_is_that_of_two_runs_of_which_one_fails(
     sampling: str, inverse: float

@@ -51,7 +51,7 @@ def screened(half: float) -> dict[str, Any]:
     factors = {"x": {"mu_star": interval(2.0, half)}, "y": {"mu_star": interval(9.0, 0.1)}}
     return {
         "method": "morris",
-        "sampling": "sobol_blocks",
+        "sampling": "owen_blocks",
         "rows_complete": 100,
         "outputs": {"error": {"factors": factors}},
     }

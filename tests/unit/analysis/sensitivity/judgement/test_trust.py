@@ -25,7 +25,7 @@ def studied(function: str, rows: int, seed: int) -> dict[str, Any]:
         id="s",
         method="saltelli",
         seed=seed,
-        sampling="sobol_blocks",
+        sampling="owen_blocks",
         rows=rows,
         factors=tuple(f"x{i}" for i in range(hard.factors)),
         outputs=("y",),
@@ -102,17 +102,17 @@ def test_a_kind_function_is_trusted_and_stops_with_what_may_be_unseen(function: 
     ("kind", "function", "seed", "bounds"),
     [
         # A product, whose own kurtosis is 5: 15 in 100 studies were warned of it.
-        (SaltelliEstimator, "Sobol's g, 50 factors", 41_000, (7.0, 5.0)),
+        (SaltelliEstimator, "Sobol's g, 50 factors", 41_010, (7.0, 5.0)),
         # Steps: short ones alone give effects a kurtosis. 57 in 100 studies were warned of it.
-        (MorrisEstimator, "discontinuity", 42_002, (9.0, 6.0)),
+        (MorrisEstimator, "discontinuity", 42_001, (9.0, 6.0)),
     ],
 )
 def test_a_kurtosis_that_another_sum_does_not_have_is_not_taken_for_a_tail(
     kind: type[Estimator], function: str, seed: int, bounds: tuple[float, float]
 ) -> None:
     factors = HARD[function].factors
-    points = unit_rows(kind.method, "sobol_blocks", seed, range(256), factors)
-    estimator = kind(sampling="sobol_blocks", seed=seed, factors=factors, outputs=1)
+    points = unit_rows(kind.method, "owen_blocks", seed, range(256), factors)
+    estimator = kind(sampling="owen_blocks", seed=seed, factors=factors, outputs=1)
     estimator.add_rows(range(256), HARD[function].function(points)[..., None])
     own, other = bounds
     assert estimator.kurtosis()[0] > own > other > estimator.other_kurtosis()[0]
@@ -121,10 +121,10 @@ def test_a_kurtosis_that_another_sum_does_not_have_is_not_taken_for_a_tail(
 
 def test_a_tail_of_a_factor_that_does_not_lead_is_said() -> None:
     """An even factor of 0.6 of the variance, and an event in 0.02 of its runs of the rest."""
-    u = unit_rows("saltelli", "sobol_blocks", 5, range(256), 2)
+    u = unit_rows("saltelli", "owen_blocks", 5, range(256), 2)
     event = (u[..., 1] > 0.98) / np.sqrt(0.02 * 0.98)
     values = np.sqrt(0.6 * 12.0) * u[..., 0] + np.sqrt(0.4) * event
-    estimator = SaltelliEstimator(sampling="sobol_blocks", seed=5, factors=2, outputs=1)
+    estimator = SaltelliEstimator(sampling="owen_blocks", seed=5, factors=2, outputs=1)
     estimator.add_rows(range(256), values[..., None])
     statistics = estimator.statistics()
     total = statistics["total_order"].weighted[0, 0]
@@ -133,7 +133,7 @@ def test_a_tail_of_a_factor_that_does_not_lead_is_said() -> None:
 
 def test_total_order_indices_that_sum_to_less_than_one_raise_an_alarm() -> None:
     """An event that A and B saw, and no A_B."""
-    estimator = SaltelliEstimator(sampling="sobol_blocks", seed=1, factors=2, outputs=1)
+    estimator = SaltelliEstimator(sampling="owen_blocks", seed=1, factors=2, outputs=1)
     rng = np.random.default_rng(1)
     values = rng.normal(size=(128, 1, 1)) + 0.3 * rng.normal(size=(128, 4, 1))
     values[:, 1] = rng.normal(size=(128, 1))
@@ -147,7 +147,7 @@ def test_the_kurtosis_is_that_of_the_output_whatever_its_mean() -> None:
     rng = np.random.default_rng(2)
     values = rng.exponential(size=(40_000, 4, 1))
     plain, far = (
-        SaltelliEstimator(sampling="sobol_blocks", seed=1, factors=2, outputs=1) for _ in "ab"
+        SaltelliEstimator(sampling="owen_blocks", seed=1, factors=2, outputs=1) for _ in "ab"
     )
     plain.add_rows(range(2000), values[:2000])
     far.add_rows(range(2000), values[:2000] + 1e6)
@@ -157,8 +157,8 @@ def test_the_kurtosis_is_that_of_the_output_whatever_its_mean() -> None:
 
 
 def screened(function: str, rows: int, seed: int) -> MorrisEstimator:
-    points = unit_rows("morris", "sobol_blocks", seed, range(rows), 6)
-    estimator = MorrisEstimator(sampling="sobol_blocks", seed=seed, factors=6, outputs=1)
+    points = unit_rows("morris", "owen_blocks", seed, range(rows), 6)
+    estimator = MorrisEstimator(sampling="owen_blocks", seed=seed, factors=6, outputs=1)
     estimator.add_rows(range(rows), HARD[function].function(points)[..., None])
     return estimator
 
@@ -175,15 +175,15 @@ def test_effects_that_few_rows_make_up_are_not_to_be_trusted() -> None:
 
 def test_effects_that_hold_are_trusted_though_their_kurtosis_is_six_or_seven() -> None:
     """A product of four sines (docs/measurements/opponents.md), whose intervals hold."""
-    points = unit_rows("morris", "sobol_blocks", 45_000, range(1024), 4)
-    sines = MorrisEstimator(sampling="sobol_blocks", seed=45_000, factors=4, outputs=1)
+    points = unit_rows("morris", "owen_blocks", 45_000, range(1024), 4)
+    sines = MorrisEstimator(sampling="owen_blocks", seed=45_000, factors=4, outputs=1)
     sines.add_rows(range(1024), np.sin(2.0 * np.pi * points).prod(axis=-1)[..., None])
     assert 6.0 < sines.kurtosis()[0] < 9.0 and sines.other_kurtosis()[0] > 6.0
     assert judge(sines, sines.statistics(), 0, "y").trusted is True
 
 
 def test_noise_is_no_tail_whatever_the_steps_that_its_effects_are_divided_by() -> None:
-    noise = MorrisEstimator(sampling="sobol_blocks", seed=1, factors=3, outputs=1)
+    noise = MorrisEstimator(sampling="owen_blocks", seed=1, factors=3, outputs=1)
     noise.add_rows(range(1000), np.random.default_rng(1).normal(size=(1000, 4, 1)))
     assert noise.kurtosis()[0] > 6.0
     assert noise.other_kurtosis()[0] == pytest.approx(3.0, abs=0.5)

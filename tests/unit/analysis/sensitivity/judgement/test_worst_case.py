@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def estimated(method: str, values: Array) -> Estimator:
-    estimator = estimator_class(method)(sampling="sobol_blocks", seed=3, factors=FACTORS, outputs=1)
+    estimator = estimator_class(method)(sampling="owen_blocks", seed=3, factors=FACTORS, outputs=1)
     estimator.add_rows(range(ROWS), values[..., None])
     return estimator
 
@@ -25,7 +25,7 @@ def bounds(method: str, values: Array) -> dict[str, Estimate]:
 
 
 def ishigami(method: str) -> Array:
-    points = np.stack([unit_row(method, "sobol_blocks", 3, row, FACTORS) for row in range(ROWS)])
+    points = np.stack([unit_row(method, "owen_blocks", 3, row, FACTORS) for row in range(ROWS)])
     return KNOWN["ishigami"].function(points)
 
 

@@ -20,7 +20,7 @@ class Sums:
     """Ten rows of which 18 of 20 independent runs are there; values of 0 to 1 with mean 0.4."""
 
     method: str
-    sampling: str = "sobol_blocks"
+    sampling: str = "owen_blocks"
     rows: int = 10
     lowest: float = 0.0
     highest: float = 1.0
@@ -94,7 +94,7 @@ def test_no_share_is_bounded_above_one_unless_its_interval_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sampling", "step"), [("trajectories", STEP), ("sobol_blocks", SMALLEST_STEP)]
+    ("sampling", "step"), [("trajectories", STEP), ("owen_blocks", SMALLEST_STEP)]
 )
 def test_a_hidden_effect_is_the_range_over_the_smallest_step_at_most(
     sampling: str, step: float

@@ -37,7 +37,7 @@ def drawn(rows: int = 4, **changes: object) -> Plan:
         "model": MODEL,
         "called": MODEL.version,
         "method": "saltelli",
-        "sampling": "sobol_blocks",
+        "sampling": "owen_blocks",
         "rows": rows,
         "seed": 11,
         "factors": None,

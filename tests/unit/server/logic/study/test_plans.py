@@ -86,11 +86,11 @@ def test_parameters_are_the_design_s_with_fixed_factors_added(plan: Drawing) -> 
     ("request_", "pointer", "says"),
     [
         ({"method": "fast"}, "/method", "expected one of morris, saltelli"),
-        ({"sampling": "halton"}, "/sampling", "expected one of sobol"),
+        ({"sampling": "halton"}, "/sampling", "expected one of owen_blocks, sobol"),
         (
             {"method": "saltelli", "sampling": "trajectories"},
             "/sampling",
-            "expected one of sobol_blocks, sobol, sobol_paired, latin_hypercube",
+            "expected one of owen_blocks, sobol_blocks, sobol, sobol_paired, latin_hypercube",
         ),
         ({"rows": 0}, "/rows", "between 1 and"),
         ({"rows": MAX_ROWS + 1}, "/rows", "between 1 and"),

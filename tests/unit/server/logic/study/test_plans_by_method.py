@@ -145,7 +145,7 @@ def test_shapley_effects_of_groups_are_refused(plan: Drawing) -> None:
 @pytest.mark.parametrize("method", ["surrogate", "shapley", "sample"])
 def test_of_curves_alone_no_study_of_numbers_is_made(method: str) -> None:
     (whole,) = (one for one in ELBOW.results if one.name == "torque_over_phase")
-    asked: dict[str, Any] = {"name": "curves", "called": "elbow", "sampling": "sobol_blocks"}
+    asked: dict[str, Any] = {"name": "curves", "called": "elbow", "sampling": "owen_blocks"}
     asked |= {"rows": 256, "seed": 1, "factors": None, "fixed": {}, "outputs": None}
     for optional, said in (
         (False, r"keep points of it, such as torque_over_phase\["),
