@@ -30,6 +30,16 @@ CUTS = RESAMPLES = PERMUTATIONS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
+class Spread:
+    """How an index of every factor varies from sample to sample."""
+
+    #: Shape (factors,).
+    variance: Array
+    #: Degrees of freedom of that variance: one for each cut or resample, or by factor.
+    freedom: Array | float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Chance:
     """What a factor that has nothing to do with the output gets from as many rows, (factors,)."""
 
@@ -37,8 +47,8 @@ class Chance:
     variance: Array
 
 
-def by_halves(index: Index, x: Array, y: Array, rng: np.random.Generator) -> Array:
-    """Return the variance of an index of every factor (Politis et al. 1999).
+def by_halves(index: Index, x: Array, y: Array, rng: np.random.Generator) -> Spread:
+    """Return the spread of an index of every factor (Politis et al. 1999).
 
     Half the difference of two halves has the variance of the index of the whole, whatever bias
     both halves have.
@@ -48,15 +58,14 @@ def by_halves(index: Index, x: Array, y: Array, rng: np.random.Generator) -> Arr
         order = rng.permutation(len(y))
         one, other = order[:rows], order[rows : 2 * rows]
         squares += (0.5 * (index(x[one], y[one]) - index(x[other], y[other]))) ** 2
-    return squares / CUTS
+    return Spread(variance=squares / CUTS, freedom=CUTS)
 
 
-def by_bootstrap(index: Index, x: Array, y: Array, rng: np.random.Generator) -> Array:
-    """Return the variance of an index of every factor (Efron 1979)."""
+def by_bootstrap(index: Index, x: Array, y: Array, rng: np.random.Generator) -> Spread:
+    """Return the spread of an index of every factor (Efron 1979)."""
     drawn = (rng.integers(0, len(y), len(y)) for _ in range(RESAMPLES))
     replicates = np.stack([index(x[rows], y[rows]) for rows in drawn])
-    variance: Array = replicates.var(axis=0, ddof=1)
-    return variance
+    return Spread(variance=replicates.var(axis=0, ddof=1), freedom=RESAMPLES)
 
 
 def by_chance(
@@ -74,16 +83,17 @@ def by_chance(
     return Chance(mean=found.mean(axis=0), variance=found.var(axis=0, ddof=1))
 
 
-def half_width(variance: Array, by_chance: Array, level: float, seen: float = 2.0) -> Array:
+def half_width(spread: Spread, by_chance: Array, level: float, seen: float = 2.0) -> Array:
     """Return half the width of an interval (Efron and Stein 1981).
 
     Args:
-        variance: from `by_halves` or `by_bootstrap`.
+        spread: of the index.
         by_chance: how much of an index's variance is of what chance adds.
         level: between 0 and 1.
-        seen: how many times that is in `variance`, which is taken off but for once, as far as all
-            of `variance` may be such.
+        seen: how many times that is in the variance, which is taken off but for once, as far as all
+            of the variance may be such.
     """
+    variance = spread.variance
     left = np.maximum(variance - (seen - 1.0) * by_chance, variance / seen)
-    half: Array = -stdtrit(CUTS, (1.0 - level) / 2.0) * np.sqrt(left)
+    half: Array = -stdtrit(spread.freedom, (1.0 - level) / 2.0) * np.sqrt(left)
     return half

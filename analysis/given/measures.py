@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given.delta import delta
-from analysis.given.hdmr import PIECES, hdmr, hdmr_at
+from analysis.given.hdmr import PIECES, hdmr, leave_out
 from analysis.given.hsic import r2_hsic
 from analysis.given.intervals import (
     PERMUTATIONS,
     Chance,
+    Spread,
     by_bootstrap,
     by_chance,
     by_halves,
@@ -69,16 +70,9 @@ def _unexplained(value: Array, chance: Array) -> Array:
     return share
 
 
-def _unexplained_by_all(value: Array, chance: Array) -> Array:
-    """Return r (1 + r) / 2 of the share r of the variance that the factors do not explain together.
-
-    Each coefficient of a function that is fitted to nothing is u a, with u^2 = r of what nothing
-    explains, and by chance the others' functions have v b with it, v^2 = 1 - r, a and b as good as
-    normal. The covariance of output and function is the sum of (u a)^2 + u v a b, of variance
-    2 r^2 + r (1 - r) = r (1 + r) (Kendall and Stuart 1977, chapter 15); of noise alone, 2.
-    """
-    left = np.clip(1.0 - value.sum(), 0.0, 1.0)
-    return np.full_like(value, left * (1.0 + left) / 2.0)
+def _by_leaving_out(index: object, x: Array, y: Array, rng: object) -> Spread:
+    """Return the spread of `hdmr` (Kline et al. 2020), for which nothing is drawn."""
+    return leave_out(x, y)[1]
 
 
 def _beside(value: Array, chance: Array) -> Array:
@@ -109,11 +103,11 @@ class Measure:
     #: In a table.
     symbol: str
     index: Callable[[Array, Array], Array]
-    #: Of the variance, from index, x, y and a generator (`analysis.given.intervals`).
-    variance: Callable[..., Array]
+    #: How it varies, from index, x, y and a generator (`analysis.given.intervals`).
+    spread: Callable[..., Spread]
     #: Of value and chance, shape (factors,) each: the variance of what chance adds to the index, as
-    #: a share of what it is of a factor that does nothing where all the output is noise. None: as
-    #: little can be told apart from what a weak factor does, nothing is taken off.
+    #: a share of what it is of a factor that does nothing where all the output is noise. None: it
+    #: is counted once already, or cannot be told apart from what a weak factor does.
     rest: Callable[[Array, Array], Array] | None
     #: How often the output is permuted to tell that, and whether it is in halves of the sample too,
     #: where more is taken off for a bias than of all rows.
@@ -144,7 +138,7 @@ class Measure:
             rng: draws halves or resamples, and permutations.
         """
         value = self.index(x, y)
-        variance = self.variance(self.index, x, y, rng)
+        spread = self.spread(self.index, x, y, rng)
         nothing = np.zeros_like(value)
         chance, added, seen = Chance(mean=nothing, variance=nothing), nothing, 2.0
         if self.rest is not None:
@@ -158,7 +152,7 @@ class Measure:
             # each would take as many times the permutations.
             of_all = max(chance.variance.sum(), 1e-300)
             seen = max(0.5 * float(of_half.variance.sum()) / of_all, 1.0)
-        half_length = half_width(variance, added, level, seen)
+        half_length = half_width(spread, added, level, seen)
         low = value - half_length
         low = low if self.least is None else np.maximum(low, self.least)
         return Found(value=value, low=low, high=value + half_length, chance=chance.mean)
@@ -173,7 +167,7 @@ MEASURES = (
         symbol="S",
         index=unless_still(rbd_fast),
         at=rbd_fast_at,
-        variance=by_halves,
+        spread=by_halves,
         rest=_unexplained,
         permutations=64,
         of_halves=True,
@@ -190,11 +184,8 @@ MEASURES = (
         name="hdmr",
         symbol="S (HDMR)",
         index=unless_still(hdmr),
-        at=hdmr_at,
-        variance=by_halves,
-        rest=_unexplained_by_all,
-        permutations=64,
-        of_halves=True,
+        spread=_by_leaving_out,
+        rest=None,
         most_rows=5_000,
         least=None,
         biased=False,
@@ -202,13 +193,13 @@ MEASURES = (
         assumes="the output is a sum of a smooth function of each factor, splines of "
         f"{PIECES} pieces, and of what is left to noise; factors may depend on each other: what "
         "one shares with others counts for each; says nothing of interactions",
-        source="Rabitz and Alis 1999; Li et al. 2010",
+        source="Rabitz and Alis 1999; Li et al. 2010; Kline, Saggio and Solvsten 2020",
     ),
     Measure(
         name="delta",
         symbol="δ",
         index=unless_still(delta),
-        variance=by_bootstrap,
+        spread=by_bootstrap,
         rest=_beside,
         most_rows=2_000,
         least=0.0,
@@ -221,7 +212,7 @@ MEASURES = (
         name="pawn",
         symbol="PAWN",
         index=unless_still(pawn),
-        variance=by_bootstrap,
+        spread=by_bootstrap,
         rest=_beside,
         most_rows=20_000,
         least=0.0,
@@ -235,7 +226,7 @@ MEASURES = (
         name="hsic",
         symbol="R²-HSIC",
         index=unless_still(r2_hsic),
-        variance=by_halves,
+        spread=by_halves,
         rest=None,
         most_rows=1_000,
         least=None,

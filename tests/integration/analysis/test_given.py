@@ -1,7 +1,5 @@
 """Measures of given samples over many samples of chance, and one beside OpenTURNS."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -27,21 +25,21 @@ def test_hsic_and_its_test_are_those_of_openturns() -> None:
     assert ours.p_value == pytest.approx(np.array(theirs.getPValuesAsymptotic()), abs=1e-6)
 
 
-def test_chance_adds_to_hdmr_beside_others_what_its_measure_says() -> None:
+@pytest.mark.parametrize("signal", [0.0, 0.5, 0.8])
+def test_shares_of_hdmr_vary_as_leaving_out_says(signal: float) -> None:
+    """Whether they lead, do nothing, or do so beside noise that goes with another factor."""
     rng = np.random.default_rng(3)
-
-    def spread(signal: float) -> Any:
-        found = []
-        for _ in range(600):
-            x = rng.random((120, 2))
-            noise = rng.normal(0.0, np.sqrt(1.0 - signal), 120)
-            found.append(hdmr.hdmr(x, np.sqrt(12.0 * signal) * x[:, 0] + noise)[1])
-        return np.var(found)
-
-    # Two estimates of a variance from 600 draws each are off by 8 %.
-    for signal in (0.5, 0.8):
-        said = measures._unexplained_by_all(np.array([signal, 0.0]), np.zeros(2))
-        assert spread(signal) / spread(0.0) == pytest.approx(said[1], rel=0.3)
+    values, variances = [], []
+    for _ in range(600):
+        x = rng.random((120, 2))
+        noise = np.sqrt(3.0 * (1.0 - signal)) * x[:, 1] * rng.normal(size=120)
+        value, spread = hdmr.leave_out(x, np.sqrt(12.0 * signal) * x[:, 0] + noise)
+        values.append(value)
+        variances.append(spread.variance)
+    assert np.mean(values, axis=0) == pytest.approx([signal, 0.0], abs=0.02)
+    # Told is no less than chance alone adds, so it is more in the mean where there is no more.
+    ratio = np.sqrt(np.mean(variances, axis=0)) / np.std(values, axis=0)
+    assert np.all((ratio > 0.9) & (ratio < 1.4))
 
 
 @pytest.mark.parametrize("name", ["rbd_fast", "hdmr"])
@@ -54,5 +52,5 @@ def test_of_a_factor_that_does_nothing_intervals_are_as_long_as_chance_is(name: 
         found.append(measure.estimate(x, rng.normal(size=128), 0.9, rng))
     value, low, high = (np.array([getattr(f, e) for f in found]) for e in ("value", "low", "high"))
     half = 1.746 * np.sqrt(value.var())
-    # Chance taken off but for once; as if halves saw it twice, they were longer by a third.
+    # As if halves saw what chance adds but twice, they were longer by a third.
     assert np.mean(high - low) / 2.0 == pytest.approx(half, rel=0.25)

@@ -17,7 +17,7 @@ from scipy.signal import periodogram
 from analysis.given import hdmr, measures
 from analysis.given.answer import analyse
 from analysis.given.hsic import hsic
-from analysis.given.intervals import by_halves, half_width
+from analysis.given.intervals import Spread, by_halves, half_width
 from analysis.given.reading import read_sheet
 from analysis.given.refusals import GivenError
 from tests.testbed.given import ROWS, ishigami, written
@@ -51,6 +51,50 @@ def test_hdmr_is_that_of_salib_less_what_as_many_coefficients_fit_by_chance() ->
     assert by_chance == pytest.approx(np.zeros(3), abs=0.01)
 
 
+def test_what_chance_adds_to_hdmr_is_told_by_rows_that_are_left_out_one_by_one() -> None:
+    """By fits without each row, and the variance of a quadratic form written out."""
+    rng = np.random.default_rng(8)
+    x = rng.random((60, 2))
+    y = ishigami(np.column_stack([x, rng.random(60)]))
+    centred, basis = y - y.mean(), hdmr._splines(x)
+    penalty = hdmr.PENALTY * np.eye(basis.shape[1])
+
+    def fitting(rows: Any) -> Any:
+        there = basis[rows]
+        return np.linalg.solve(there.T @ there + penalty, there.T)
+
+    every = np.arange(60)
+    without = [every[every != row] for row in every]
+    errors = np.array(
+        [centred[j] - basis[j] @ fitting(rows) @ centred[rows] for j, rows in enumerate(without)]
+    )
+    left = centred - basis @ fitting(every) @ centred
+    about = basis - basis.mean(axis=0)
+    value, spread = hdmr.leave_out(x, y)
+    for factor, own in enumerate((slice(8), slice(8, 16))):
+        smooth = about[:, own] @ fitting(every)[own]
+        share = centred @ smooth @ centred - np.diag(smooth) @ (centred * errors)
+        assert value[factor] == pytest.approx(share / (centred @ centred) * 60 / 59)
+        form = 0.5 * (smooth + smooth.T) * (left * errors)
+        chance = 2.0 * np.trace(form @ form) / (centred @ centred) ** 2
+        assert spread.variance[factor] >= chance * (1.0 - 1e-9)
+    assert hdmr._chance(about, fitting(every), left * errors)[1] / (centred @ centred) ** 2 == (
+        pytest.approx(chance)
+    )
+
+
+def test_noise_that_goes_with_a_factor_is_no_share_of_it() -> None:
+    """What the adjusted R2 takes off is too little where noise and leverage go together."""
+    rng = np.random.default_rng(9)
+    found = []
+    for _ in range(300):
+        x = rng.random((100, 2))
+        found.append(hdmr.hdmr(x, np.abs(x[:, 0] - 0.5) ** 3 * rng.normal(size=100)))
+    error = np.std(found, axis=0) / np.sqrt(300)
+    assert np.all(np.abs(np.mean(found, axis=0)) < 4.0 * error)
+    assert np.all(error < 0.01)
+
+
 def test_hdmr_counts_for_each_factor_what_it_shares_with_another() -> None:
     """Of a + b each has half the variance, of which a part is its own and a part is both's."""
     rng = np.random.default_rng(10)
@@ -79,11 +123,12 @@ def test_halves_of_a_mean_give_its_standard_error() -> None:
 
 
 def test_what_chance_adds_is_counted_once_and_is_all_of_the_variance_at_most() -> None:
-    added = np.array([0.0, 1.0, 3.0])
-    half = half_width(np.full(3, 4.0), added, 0.9)
+    added, spread = np.array([0.0, 1.0, 3.0]), Spread(variance=np.full(3, 4.0), freedom=16)
+    half = half_width(spread, added, 0.9)
+    assert half[0] == pytest.approx(1.746 * 2.0, rel=1e-3)
     assert half**2 / half[0] ** 2 == pytest.approx([1.0, 0.75, 0.5])
     # Seen two and a half times in the variance, it is one part of two and a half.
-    half = half_width(np.full(3, 4.0), added, 0.9, seen=2.5)
+    half = half_width(spread, added, 0.9, seen=2.5)
     assert half**2 / half[0] ** 2 == pytest.approx([1.0, 0.625, 0.4])
 
 
