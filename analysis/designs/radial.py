@@ -49,6 +49,12 @@ def legs(row: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64
         trajectory.
     """
     k = row.shape[-1]
+    apart = row[..., 1:, :] - row[..., :1, :]
+    steps = np.diagonal(apart, axis1=-2, axis2=-1)
+    if np.count_nonzero(apart) == np.count_nonzero(steps) == steps.size:
+        # Radial rows in the order of their factors, as ours are.
+        after = np.broadcast_to(np.arange(1, k + 1), steps.shape)
+        return np.stack([np.zeros_like(after), after]), steps
     after = 1 + np.argmax(row[..., 1:, :] != row[..., :1, :], axis=-2)
     # In a radial row only one factor differs from the base; along a trajectory ever more do.
     radial = np.count_nonzero(row[..., -1, :] != row[..., 0, :], axis=-1) == 1

@@ -45,6 +45,14 @@ def split(values: NDArray[np.float64]) -> tuple[int, list[NDArray[np.float64]]]:
         raise ValueError("only finite numbers have a sum")
     high = int(np.frexp(largest)[1]) // LIMB_BITS
     limbs: list[NDArray[np.float64]] = []
+    if high <= 0:
+        # Products by powers of two from 1 on lose no digit, and need not be taken back.
+        rest = _times_power(values, -LIMB_BITS * high)
+        while not limbs or rest.any():
+            limbs.append(np.trunc(rest))
+            rest -= limbs[-1]
+            rest *= 2.0**LIMB_BITS
+        return high + 1 - len(limbs), limbs[::-1]
     rest, place = values, high
     while not limbs or rest.any():
         limb = _times_power(rest, -LIMB_BITS * place)

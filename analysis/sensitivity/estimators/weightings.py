@@ -83,20 +83,22 @@ class NamedSums:
         valid: dict[str, NDArray[np.bool_]] = {}
         # Those of as many points a row are added up together, which takes a part of the time.
         alike: dict[int, list[tuple[str, NDArray[np.float64]]]] = {}
+        rows = kept.sum(axis=1)[:, None].astype(np.int64)
         for name, given in terms.items():
             flat = given.reshape(*given.shape[:2], -1)
-            valid[name] = ~np.isnan(flat)
-            addends = np.where(valid[name], flat, 0.0)
+            valid[name] = there = ~np.isnan(flat)
+            if there.all():
+                addends, many = flat, len(flat) * rows
+            else:
+                addends = np.where(there, flat, 0.0)
+                many = (kept @ there.sum(axis=0, dtype=np.float64)).astype(np.int64)
+            self._counts[:, self.places[name][0]] += many
             if name.endswith(SQUARED):
                 addends = np.concatenate(square(addends))
             alike.setdefault(len(addends), []).append((name, addends))
         for group in alike.values():
             together = np.concatenate([addends for _, addends in group], axis=-1)
             self._sums.add(self._columns([name for name, _ in group]), kept, together)
-        if valid:
-            many = [there.sum(axis=0, dtype=np.float64) for there in valid.values()]
-            found = (kept @ np.concatenate(many, axis=-1)).astype(np.int64)
-            self._counts[:, self._columns(list(valid))] += found
         return valid
 
     def _columns(self, names: Sequence[str]) -> NDArray[np.intp]:
