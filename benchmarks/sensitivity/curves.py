@@ -51,12 +51,16 @@ Held = dict[tuple[str, str], list[bool]]
 
 
 def studied(
-    method: str, function: CurveFunction, seed: int, sizes: tuple[int, ...]
+    method: str,
+    function: CurveFunction,
+    seed: int,
+    sizes: tuple[int, ...],
+    sampling: str = DEFAULT_SAMPLING,
 ) -> dict[int, dict[str, Any]]:
     """Return the findings after each number of rows of one seed."""
     curve = CurveEstimator(
         method=method,
-        sampling=DEFAULT_SAMPLING,
+        sampling=sampling,
         seed=seed,
         factors=function.factors,
         points=POINTS,
@@ -65,7 +69,7 @@ def studied(
     for stop in sizes:
         for first in range(start, stop, 1024):
             rows = range(first, min(first + 1024, stop))
-            points = unit_rows(method, DEFAULT_SAMPLING, seed, rows, function.factors)
+            points = unit_rows(method, sampling, seed, rows, function.factors)
             curve.add_rows(rows, function.values(points))
         start = stop
         names = [str(factor) for factor in range(function.factors)]
@@ -120,8 +124,8 @@ def shares_of(function: CurveFunction) -> dict[str, dict[str, Any]]:
 
 
 def effects_of(function: CurveFunction) -> dict[str, dict[str, Any]]:
-    """Return the elementary effects of a long run."""
-    found = studied("morris", function, 7, (LONG_RUN,))[LONG_RUN]
+    """Return the elementary effects of a long run, in which linear scrambles err least."""
+    found = studied("morris", function, 7, (LONG_RUN,), SCRAMBLES["linear"])[LONG_RUN]
     factors = found["factors"].values()
     points = {
         index: np.array([line[index]["value"] for line in factors]).T
