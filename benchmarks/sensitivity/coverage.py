@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from SALib.analyze import sobol as salib_sobol
 from scipy.stats import qmc, sobol_indices
 
-from analysis.designs import SAMPLINGS, unit_row
+from analysis.designs import DEFAULT_SAMPLING, SAMPLINGS, unit_row
 from analysis.sensitivity.estimators import MorrisEstimator, SaltelliEstimator
 from tests.testbed.functions.scalar import FACTORS, KNOWN, Points
 
@@ -29,7 +29,7 @@ INDICES = ("first_order", "total_order")
 EFFECTS = ("mu", "mu_star", "sigma")
 ENDS = ("value", "low", "high")
 #: Samples that SALib and SciPy are given too.
-SHARED = ("sobol_blocks", "latin_hypercube")
+SHARED = (DEFAULT_SAMPLING, "latin_hypercube")
 LEVEL = 0.9
 UPPER_FIFTH = 0.8
 FIRST_SEED = 1000
@@ -168,7 +168,7 @@ def screened(seed: int) -> Found:
     """Return what elementary effects make of one seed, shape (3, 3, 1, functions, factors)."""
     found: Found = {}
     estimator = MorrisEstimator(
-        sampling="sobol_blocks", seed=seed, factors=FACTORS, outputs=len(KNOWN)
+        sampling=DEFAULT_SAMPLING, seed=seed, factors=FACTORS, outputs=len(KNOWN)
     )
     start = 0
     for stop in SIZES:
@@ -176,20 +176,20 @@ def screened(seed: int) -> Found:
         start = stop
         indices = estimator.indices(LEVEL)
         ends = [[getattr(indices[n], end)[None] for n in EFFECTS] for end in ENDS]
-        found["rehyb", "sobol_blocks", stop] = np.array(ends)
+        found["rehyb", DEFAULT_SAMPLING, stop] = np.array(ends)
     return found
 
 
 def effects_of(seed: int, rows: range) -> Array:
     """Return every function at the points of a screening, shape (rows, width, functions)."""
-    points = np.stack([unit_row("morris", "sobol_blocks", seed, row, FACTORS) for row in rows])
+    points = np.stack([unit_row("morris", DEFAULT_SAMPLING, seed, row, FACTORS) for row in rows])
     return np.stack([known.function(points) for known in KNOWN.values()], axis=-1)
 
 
 def true_effects() -> Array:
     """Return mu, mu* and sigma from 2**17 rows of a seed of its own, shape (3, 1, ...)."""
     estimator = MorrisEstimator(
-        sampling="sobol_blocks", seed=0, factors=FACTORS, outputs=len(KNOWN)
+        sampling=DEFAULT_SAMPLING, seed=0, factors=FACTORS, outputs=len(KNOWN)
     )
     for start in range(0, 2**17, 2**13):
         rows = range(start, start + 2**13)

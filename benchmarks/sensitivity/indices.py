@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 
+from analysis.designs import DEFAULT_SAMPLING
 from analysis.sensitivity.estimator_state import EstimatorState
 from analysis.sensitivity.estimators import SaltelliEstimator
 from benchmarks.machine import describe_machine
@@ -27,7 +28,7 @@ def print_speed(rows: int = 1_000_000) -> None:
     print(f"\nRows of {FACTORS + 2} evaluations, 200 replicates, one output:")
     for batch, number in ((2000, rows), (100, rows // 10), (1, rows // 500)):
         values = np.random.default_rng(1).normal(size=(batch, FACTORS + 2, 1))
-        estimator = SaltelliEstimator(sampling="sobol_blocks", seed=1, factors=FACTORS, outputs=1)
+        estimator = SaltelliEstimator(sampling=DEFAULT_SAMPLING, seed=1, factors=FACTORS, outputs=1)
         started = time.process_time()
         for start in range(0, number, batch):
             estimator.add_rows(range(start, start + batch), values)

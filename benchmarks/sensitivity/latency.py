@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.designs import DEFAULT_SAMPLING
 from analysis.sensitivity.records import LoggedResult, StudyPlan
 from analysis.sensitivity.service import follow
 
@@ -16,7 +17,7 @@ PLAN = StudyPlan(
     id="s",
     method="saltelli",
     seed=1,
-    sampling="sobol_blocks",
+    sampling=DEFAULT_SAMPLING,
     rows=4096,
     factors=tuple("abcdef"),
     outputs=tuple(f"y{o}" for o in range(12)),

@@ -16,6 +16,7 @@ from typing import Any
 from fastapi import FastAPI
 from pydantic import SecretStr
 
+from analysis.designs import DEFAULT_SAMPLING
 from benchmarks.machine import describe_machine
 from benchmarks.measuring import percentile
 from benchmarks.service.coordinator import TOKEN, coordinator, done, submit, throughput
@@ -64,7 +65,7 @@ def application(url: str) -> FastAPI:
         model=ISHIGAMI,
         called=ISHIGAMI.name,
         method="saltelli",
-        sampling="sobol_blocks",
+        sampling=DEFAULT_SAMPLING,
         rows=ROWS,
         seed=1,
         factors=None,

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from analysis.designs import instance_parameters
+from analysis.designs import DEFAULT_SAMPLING, instance_parameters
 from analysis.designs.distributions import Uniform
 from analysis.reports.figures import components, curve
 from analysis.reports.paper import on_paper
@@ -33,7 +33,7 @@ def study(rows: int) -> StudyPlan:
         id="curves",
         method="saltelli",
         seed=1,
-        sampling="sobol_blocks",
+        sampling=DEFAULT_SAMPLING,
         rows=rows,
         factors=tuple(factor.name for factor in TABLE_1),
         outputs=("stiffness_error", *columns_of(OVER_PHASE, OVER_PHASE)),

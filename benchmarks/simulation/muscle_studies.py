@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from analysis.designs import DEFAULT_SAMPLING
 from benchmarks.machine import describe_machine
 from sim.parameters.conditions import MUSCLES
 
@@ -37,7 +38,7 @@ def study(directory: Path, muscles: str, model: str, n: int, r: int) -> dict[str
         "--model": model,
         "--screening-rows": str(r),
         "--variance-rows": str(n),
-        "--sampling": "sobol_blocks",
+        "--sampling": DEFAULT_SAMPLING,
         "--fix": f"muscles={muscles}",
         "--local-workers": "1",
         "--directory": str(directory / muscles),
