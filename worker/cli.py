@@ -203,7 +203,9 @@ def work(
         )
         agent = Agent(
             leases=leases,
-            renewals=Renewals(renew=partial(leases.renew, second_client), rng=Random()),
+            renewals=Renewals(
+                renew=partial(leases.renew, second_client), patience=leases.patience, rng=Random()
+            ),
             pool=Pool(count, instance_seconds, memory_mb=memory_mb),
             spool=Spool(folder, worker["id"]),
             max_idle=max_idle,

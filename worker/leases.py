@@ -227,6 +227,10 @@ class Leases:
             else:
                 lease.lost = True
 
+    def patience(self) -> float:
+        """Return the most seconds until a renewal that failed is tried again."""
+        return min((patience(lease.ttl_seconds) for lease in [*self._held]), default=inf)
+
     def drop_lost(self) -> None:
         """Begin nothing more of leases that are over."""
         for lease in [one for one in self._held if one.lost]:
@@ -303,6 +307,14 @@ def fitting(seconds_left: float, seconds_each: float, slowest: float, processes:
 def renewal_time(now: float, ttl_seconds: float) -> float:
     """Return when to renew a lease that lives for `ttl_seconds` from `now`: two tries to spare."""
     return now + ttl_seconds / 3.0
+
+
+def patience(ttl_seconds: float) -> float:
+    """Return the most seconds until a renewal that failed is tried again.
+
+    A coordinator that was away gives what is open as long again as a lease lives, at least.
+    """
+    return ttl_seconds / 6.0
 
 
 def _if_still_held(call: Callable[[], object]) -> bool:

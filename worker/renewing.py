@@ -27,6 +27,8 @@ class Renewals:
 
     #: Renews what is due at a time of the monotonic clock; not on a connection that may be busy.
     renew: Callable[[float], object]
+    #: The most seconds until a renewal that failed is tried again, by the leases that there are.
+    patience: Callable[[], float]
     #: Spreads the waits of many workers.
     rng: Random
 
@@ -63,4 +65,4 @@ class Renewals:
                 # The agent says what is wrong with the coordinator.
                 log.debug("no lease can be renewed: %s", error)
                 failures += 1
-                wait = backoff.full_jitter(failures, self.rng)
+                wait = min(backoff.full_jitter(failures, self.rng), self.patience())

@@ -25,7 +25,7 @@ from rehyb.errors import Conflict, Invalid, NotFound, RehybError, ServerError, U
 from worker import backoff
 from worker.close_loop.child import OUT, PROGRESS
 from worker.close_loop.scratch import Scratch, file_name, sweep
-from worker.leases import renewal_time
+from worker.leases import patience, renewal_time
 from worker.renewing import Renewals
 
 log = logging.getLogger(__name__)
@@ -148,7 +148,9 @@ class CloseLoopJobs:
         log.info("%s of session %s", kind, job["session"]["name"])
         renew_at = renewal_time(time.monotonic(), job["ttl_seconds"])
         held = Held(client=self.client, job=job, renew_at=renew_at)
-        renewals = Renewals(renew=held.renew, rng=self.rng)
+        renewals = Renewals(
+            renew=held.renew, patience=partial(patience, job["ttl_seconds"]), rng=self.rng
+        )
         with closing(renewals), Scratch(self.folder, job["lease"]) as folder:
             renewals.start()
             archive = folder / f"{file_name(job['session']['name'])}.zip"

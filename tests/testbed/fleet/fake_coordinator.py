@@ -185,7 +185,9 @@ class Work:
         )
         return Agent(
             leases=leases,
-            renewals=Renewals(renew=partial(leases.renew, client), rng=Random(1)),
+            renewals=Renewals(
+                renew=partial(leases.renew, client), patience=leases.patience, rng=Random(1)
+            ),
             pool=self.pool,  # type: ignore[arg-type]
             spool=Spool(self.folder, name),
             max_idle=self.max_idle,

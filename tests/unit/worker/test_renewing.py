@@ -49,7 +49,9 @@ def renewals(coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch) -> Itera
     request = leases.request(0.0)
     assert request is not None
     leases.ask(request, time.monotonic())
-    renewals = Renewals(renew=partial(leases.renew, client), rng=Random(1))
+    renewals = Renewals(
+        renew=partial(leases.renew, client), patience=leases.patience, rng=Random(1)
+    )
     yield renewals
     renewals.close()
 
@@ -76,6 +78,17 @@ def test_leases_are_renewed_while_the_worker_waits_for_something_else(
 def test_a_coordinator_that_is_away_for_a_while_is_asked_again(
     renewals: Renewals, coordinator: Coordinator
 ) -> None:
+    coordinator.away = 5
+    renewals.start()
+    assert within(10.0, lambda: coordinator.renewals >= 8)
+
+
+def test_leases_that_are_short_are_tried_again_before_they_end(
+    renewals: Renewals, coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After an outage a coordinator waits as long as a lease lives, and no longer."""
+    monkeypatch.setattr("worker.backoff.BASE_SECONDS", 1e6)
+    monkeypatch.setattr("worker.backoff.CAP_SECONDS", 1e6)
     coordinator.away = 5
     renewals.start()
     assert within(10.0, lambda: coordinator.renewals >= 8)
