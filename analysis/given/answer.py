@@ -17,6 +17,7 @@ from analysis.given.sample import FEWEST_ROWS, Sample, choose, first_of_each
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.json_values import number
 from analysis.sensitivity.estimators import Estimate
+from analysis.sensitivity.judgement.trust import ENOUGH_RUNS, HEAVY
 
 Array = NDArray[np.float64]
 
@@ -77,6 +78,7 @@ def answer(sample: Sample) -> dict[str, Any]:
         for name, found in of_samples.items()
         if any(None in (one["value"], one["low"]) for one in found.get("delta", {}).values())
     ]
+    remarks += [_heavy(name, y[:, o]) for o, name in enumerate(sample.outputs)] if len(x) else []
     design, complete = used.design, sample.complete
     designed = {} if design is None else layout.indices(design, sample.x, sample.y, LEVEL)
     return {
@@ -105,7 +107,7 @@ def answer(sample: Sample) -> dict[str, Any]:
             }
             for o, name in enumerate(sample.outputs)
         },
-        "remarks": remarks,
+        "remarks": [remark for remark in remarks if remark],
     }
 
 
@@ -162,6 +164,20 @@ def _few_values(x: Array, factors: Sequence[str]) -> list[str]:
     if not few:
         return []
     return [f"Factors of few values, whose order is taken to mean something: {', '.join(few)}."]
+
+
+def _heavy(name: str, y: Array) -> str:
+    """Return the remark on an output whose variance few rows make up (Kish 1965), or nothing."""
+    if np.ptp(y) == 0.0:
+        return ""
+    heavy = float(np.mean(((y - y.mean()) / y.std()) ** 4))
+    if not (heavy > HEAVY and len(y) / heavy < ENOUGH_RUNS):
+        return ""
+    return (
+        f"The variance of {name} rests on few rows: as many as {len(y) / heavy:.0f} of equal size "
+        f"would tell it, of {len(y):,} (its kurtosis is {heavy:.0f}). Shares of it may be far off, "
+        "further than their intervals say; look at its logarithm or its ranks, too."
+    )
 
 
 def _withheld_from(x: Array, factors: Sequence[str]) -> list[tuple[Sequence[str], str]]:

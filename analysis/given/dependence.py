@@ -24,6 +24,8 @@ _LEAST_SHARE = 0.03
 _EXPECTED = 5
 #: Rows and factors that HSIC looks at, at most, numbers it holds, and steps it takes.
 _MOST_ROWS, _MOST_FACTORS, _MOST_HELD, _MOST_STEPS = 500, 500, 2e7, 4e9
+#: HSIC's distribution by chance is known of so many rows and more (Gretton et al. 2007).
+_FEWEST_ROWS = 6
 #: Pairs that are shown.
 _SHOWN = 5
 
@@ -56,7 +58,7 @@ def related(factors: Sequence[str], x: Array, *, drawn: bool = True) -> list[str
     if rising:
         rising.sort(key=lambda p: -abs(correlation[p]))
         said.append(f"rank correlation: {_shown(factors, rising, correlation, '+.2f')}")
-    if drawn:
+    if drawn and len(x) >= _FEWEST_ROWS:
         looked = ranks[:, :_MOST_FACTORS]
         share, p_value = hsic_of_pairs(looked[: _most_rows(looked.shape[1])])
         named = np.argwhere(np.triu(p_value < _BY_HSIC / len(pairs), k=1)).tolist()

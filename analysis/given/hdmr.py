@@ -1,12 +1,10 @@
 """First-order shares by a sum of functions of one factor each, fitted to the rows: HDMR.
 
-SALib gives the same numbers for many rows (`tests/unit/analysis/given` compares them), but is about
-to retire what gives them. Its shares hold what splines fit by chance; ours are less that, by what
-each row is foretold without itself, so that noise may differ from row to row (Kline, Saggio and
-Solvsten 2020, Leave-out estimation of variance components, Econometrica 88).
+SALib's shares (`tests/unit/analysis/given` compares them) hold what splines fit by chance; ours are
+less that, by what each row is foretold without itself, so that noise may differ from row to row
+(Kline, Saggio and Solvsten 2020, Leave-out estimation of variance components, Econometrica 88).
+Pieces of a factor's range have as many rows each, so that none is fitted to a few far ones.
 """
-
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +15,14 @@ from analysis.given.intervals import Spread
 
 Array = NDArray[np.float64]
 
-#: Pieces of a factor's range, and how much large coefficients cost (Li et al. 2010, SALib).
+#: Pieces of a factor's range, at least (Li et al. 2010, SALib).
 PIECES = 5
-PENALTY = 0.01
-#: Splines of a factor.
-SPLINES = PIECES + 3
+#: How much large coefficients cost, of what they explain: splines of factors share a constant.
+PENALTY = 1e-9
+#: Rows for each coefficient at least.
+ROWS_EACH = 4
+#: A piece more is a knot more; the splines are cubic.
+_DEGREE = 3
 #: A row that is fitted nearly alone says nothing of how it would be foretold.
 _LEAST_LEFT = 0.01
 
@@ -53,79 +54,81 @@ def leave_out(x: Array, y: Array) -> tuple[Array, Spread]:
     of freedom go by the fourth moment of what each row adds (Satterthwaite 1946).
     """
     rows, factors = x.shape
-    basis = _splines(x)
-    solved = cho_solve(_normal(basis), basis.T)
+    splines = [_splines(column, pieces(rows, factors)) for column in x.T]
+    ends = np.cumsum([one.shape[1] for one in splines])
+    basis = np.concatenate(splines, axis=1)
+    normal = basis.T @ basis
+    normal[np.diag_indices_from(normal)] *= 1.0 + PENALTY
+    solved = cho_solve(cho_factor(normal), basis.T)
     centred = y - y.mean()
     whole = centred @ centred
     about = basis - basis.mean(axis=0)
 
     def of_each(columns: Array) -> Array:
         """Return columns of all splines summed over those of each factor, (rows, factors)."""
-        return np.asarray(columns.reshape(rows, factors, SPLINES).sum(axis=-1))
+        return np.asarray(np.add.reduceat(columns, [0, *ends[:-1]], axis=1))
 
     functions = of_each(about * (solved @ centred))
+    # How an error of each row's output moves the shares through the functions that are fitted.
+    through = of_each(solved.T * (centred @ about))
     fitted = basis @ (solved @ centred)
     left = np.maximum(1.0 - np.einsum("ij,ji->i", basis, solved), _LEAST_LEFT)
     foretold = (centred - fitted) / left
     by_chance = of_each(about * solved.T).T @ (centred * foretold)
-    share = ((functions.T @ centred) - by_chance) / whole * rows / (rows - 1)
-    each = functions * (centred + foretold)[:, None] * rows / whole
-    each -= share * centred[:, None] ** 2 * rows / whole
+    share = ((functions.T @ centred) - by_chance) / whole
+    each = functions * centred[:, None] + through * foretold[:, None] - np.outer(centred**2, share)
+    each *= rows / whole
     each -= each.mean(axis=0)
     squares = np.mean(each**2, axis=0)
     # Of what each row adds alike there is no error, whatever its degrees.
     kurtosis = np.mean(each**4, axis=0) / np.maximum(squares**2, np.finfo(float).tiny)
-    chance = _chance(about, solved, (centred - fitted) * foretold) / whole**2
+    noise = (centred - fitted) * foretold
+    parts = zip(np.split(about, ends[:-1], axis=1), np.split(solved, ends[:-1]), strict=True)
+    chance, twice = np.transpose([_chance(*part, noise, fitted) for part in parts]) / whole**2
     return share, Spread(
-        variance=np.maximum(squares / rows - chance, chance),
+        variance=np.maximum(squares / rows - chance - twice, chance),
         freedom=2.0 * rows / np.maximum(kurtosis - 1.0, 0.01),
     )
 
 
-def _chance(about: Array, solved: Array, noise: Array) -> Array:
-    """Return the variance of the quadratic forms of noise that chance is, (factors,).
+def pieces(rows: int, factors: int) -> int:
+    """Return in how many pieces a factor's range is cut: of more rows more, so that waves show.
 
-    2 tr(C D C D), C the symmetric part of what fits a factor's function, D the rows' variances.
+    (Newey 1997, Convergence rates and asymptotic normality for series estimators.)
     """
-    found = []
-    for first in range(0, about.shape[1], SPLINES):
-        own = slice(first, first + SPLINES)
-        splines, weighted = about[:, own], solved[own] * noise
-        across = weighted @ splines
-        beside = (splines.T * noise) @ splines * (weighted @ solved[own].T)
-        found.append((across * across.T).sum() + beside.sum())
-    return np.array(found)
+    most = (rows // ROWS_EACH - 1) // factors + 1 - _DEGREE
+    return max(PIECES, min(int(np.cbrt(rows) + 0.5), most))
 
 
-def shares_at(x: Array) -> Callable[[Array], Array]:
-    """Return the shares of the functions as fitted (Li et al. 2010), of any output: SALib's `S`."""
-    rows, factors = x.shape
-    basis = _splines(x)
-    normal = _normal(basis)
-
-    def of_output(y: Array) -> Array:
-        centred = y - y.mean()
-        together = centred @ basis
-        # The covariance of the output and the sum of a factor's splines times their coefficients.
-        shares = (together * cho_solve(normal, together)).reshape(factors, -1).sum(axis=-1)
-        # Covariances divide by n - 1 and the variance by n, as theirs.
-        found: Array = shares / (centred @ centred) * rows / (rows - 1)
-        return found
-
-    return of_output
+def fewest_rows(factors: int) -> int:
+    """Return how many rows `hdmr` takes (Li et al. 2010): so many for each of its coefficients."""
+    return ROWS_EACH * (1 + (PIECES + _DEGREE - 1) * factors)
 
 
-def _normal(basis: Array) -> tuple[Array, bool]:
-    """Return the factorised normal equations of the splines."""
-    factorised: tuple[Array, bool] = cho_factor(basis.T @ basis + PENALTY * np.eye(basis.shape[1]))
-    return factorised
+def _chance(splines: Array, solved: Array, noise: Array, fitted: Array) -> tuple[float, float]:
+    """Return the variance that chance adds to a share, and what rows count twice.
+
+    The former is that of a quadratic form of noise, 2 tr(C D C D): C is the symmetric part of what
+    fits the factor's function, D has the rows' variances. The latter is what noise in the function
+    adds to its product with the other functions, which stands in `functions` and in `through`.
+
+    Args:
+        splines, solved: of the factor, shape (rows, splines) and (splines, rows).
+        noise: the rows' variances, shape (rows,).
+        fitted: the sum of all functions, shape (rows,).
+    """
+    weighted = solved * noise
+    across, beside = weighted @ splines, weighted @ solved.T
+    form = (across * across.T).sum() + ((splines.T * noise) @ splines * beside).sum()
+    return float(form), float(((splines @ beside) * splines).sum(axis=1) @ fitted**2)
 
 
-def _splines(x: Array) -> Array:
-    """Return the cubic B-splines of every factor over its range, (rows, factors * SPLINES)."""
-    reach = np.ptp(x, axis=0)
-    inside = (x - x.min(axis=0)) / np.where(reach > 0.0, reach, 1.0)
-    knots = np.arange(-3.0, PIECES + 4.0) / PIECES
-    every = BSpline.design_matrix(inside.ravel(), knots, 3)
-    basis: Array = every.toarray().reshape(len(x), -1) * PIECES**3
-    return basis
+def _splines(column: Array, pieces: int) -> Array:
+    """Return the B-splines of a factor, (rows, pieces + _DEGREE) unless it has few values."""
+    knots = np.unique(np.quantile(column, np.linspace(0.0, 1.0, pieces + 1)))
+    if len(knots) == 1:
+        return np.ones((len(column), 1))
+    knots = np.pad(knots, _DEGREE, mode="edge")
+    found = BSpline.design_matrix(column, knots, _DEGREE).toarray()
+    # Of two values the splines between them see neither.
+    return np.asarray(found[:, found.any(axis=0)])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given.delta import delta
-from analysis.given.hdmr import PIECES, hdmr, leave_out
+from analysis.given.hdmr import PIECES, fewest_rows, hdmr, leave_out
 from analysis.given.hsic import r2_hsic
 from analysis.given.intervals import (
     PERMUTATIONS,
@@ -189,10 +189,10 @@ MEASURES = (
         most_rows=5_000,
         least=None,
         biased=False,
-        fewest_rows=lambda factors: 4 * (1 + (PIECES + 2) * factors),
+        fewest_rows=fewest_rows,
         assumes="the output is a sum of a smooth function of each factor, splines of "
-        f"{PIECES} pieces, and of what is left to noise; factors may depend on each other: what "
-        "one shares with others counts for each; says nothing of interactions",
+        f"{PIECES} pieces or, of many rows, more, and of what is left to noise; factors may depend "
+        "on each other: what one shares with others counts for each; says nothing of interactions",
         source="Rabitz and Alis 1999; Li et al. 2010; Kline, Saggio and Solvsten 2020",
     ),
     Measure(

@@ -42,6 +42,21 @@ def test_shares_of_hdmr_vary_as_leaving_out_says(signal: float) -> None:
     assert np.all((ratio > 0.9) & (ratio < 1.4))
 
 
+@pytest.mark.parametrize("rho", [0.0, 0.7])
+def test_intervals_of_hdmr_hold_shares_of_factors_that_depend_on_each_other(rho: float) -> None:
+    """Of a + noise the share of a is half, and of its companion none (Li et al. 2010)."""
+    (measure,) = (one for one in measures.MEASURES if one.name == "hdmr")
+    held = []
+    for seed in range(200):
+        rng = np.random.default_rng([seed, 31])
+        a, other, noise = rng.normal(size=(3, 300))
+        x = np.column_stack([a, rho * a + np.sqrt(1.0 - rho**2) * other])
+        found = measure.estimate(x, a + noise, 0.9, rng)
+        held.append((found.low <= [0.5, 0.0]) & (found.high >= [0.5, 0.0]))
+    # Of 0.9 two standard errors are 0.04.
+    assert np.all(np.abs(np.mean(held, axis=0) - 0.9) < 0.07)
+
+
 @pytest.mark.parametrize("name", ["rbd_fast", "hdmr"])
 def test_of_a_factor_that_does_nothing_intervals_are_as_long_as_chance_is(name: str) -> None:
     (measure,) = (one for one in measures.MEASURES if one.name == name)

@@ -32,6 +32,18 @@ def test_a_dependence_that_neither_rises_nor_falls_is_named(form: Any) -> None:
         assert "c (" not in said and "pairs more" not in said
 
 
+@pytest.mark.parametrize("settings", [2, 3, 5])
+def test_factors_of_few_settings_in_all_are_answered(settings: int, tmp_path: Path) -> None:
+    """Of a category that is told by one factor each there are as many different points."""
+    rng = np.random.default_rng(3)
+    x = np.eye(settings)[rng.integers(0, settings, 200)]
+    y = x @ np.arange(settings) + 0.3 * rng.normal(size=200)
+    table, names = np.column_stack([x, y]), ",".join("abcde"[:settings]) + ",y"
+    found = analyse(written(tmp_path / "runs.csv", table, names), ["y"])
+    shares = [one["value"] for one in found["outputs"]["y"]["measures"]["hdmr"].values()]
+    assert all(share is not None and -0.1 < share < 1.1 for share in shares)
+
+
 def test_what_is_named_by_ranks_is_not_named_again() -> None:
     x = np.random.default_rng(1).random((100, 3))
     x[:, 2] = x[:, 0] ** 3
