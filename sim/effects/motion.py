@@ -199,8 +199,6 @@ class RecordedJoint:
         From 0 at the start of each piece; over `distance` (rad or m) most of the way after each
         reversal (Dahl 1968) if `exponent` is 1, all of it as a spring that then yields if it is 0.
         """
-        if exponent == 0.0:
-            return self._stretched(distance)
         out = np.zeros(len(self.position))
         for piece in self.recording.slices:
             position = self.position[piece]
@@ -208,30 +206,20 @@ class RecordedJoint:
             starts = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1])
             lengths = np.diff(np.concatenate([starts, [len(position)]]))
             begin = np.repeat(np.maximum(starts - 1, 0), lengths)
-            left = np.exp(-np.abs(position - position[begin]) / distance)
+            ways = (position - position[begin]) / distance
+            last, states, state = starts + lengths - 1, [], 0.0
+            if exponent == 0.0:
+                for way in ways[last].tolist():
+                    states.append(state)
+                    state = min(max(state + way, -1.0), 1.0)
+                out[piece] = np.clip(np.repeat(states, lengths) + ways, -1.0, 1.0)
+                continue
+            left = np.exp(-np.abs(ways))
             left[sign == 0.0] = 1.0
-            ends, signs = left[starts + lengths - 1].tolist(), sign[starts].tolist()
-            states, state = [], 0.0
-            for way, share in zip(signs, ends, strict=True):
+            for way, share in zip(sign[starts].tolist(), left[last].tolist(), strict=True):
                 states.append(state)
                 state = way + (state - way) * share
             out[piece] = sign + (np.repeat(states, lengths) - sign) * left
-        return out
-
-    def _stretched(self, distance: float) -> np.ndarray:
-        out = np.zeros(len(self.position))
-        for piece in self.recording.slices:
-            position = self.position[piece]
-            state, states = 0.0, []
-            for way in (np.diff(position, prepend=position[0]) / distance).tolist():
-                state += way
-                # Three times as quick as `min` and `max`, of which a search makes millions.
-                if state > 1.0:
-                    state = 1.0
-                elif state < -1.0:
-                    state = -1.0
-                states.append(state)
-            out[piece] = states
         return out
 
     @property

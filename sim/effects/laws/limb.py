@@ -218,6 +218,10 @@ class ThixotropicStiffness(AppliedEffect):
         return torque
 
 
+#: Logarithm of the largest product that steps of a structure are divided by at once.
+_LARGEST = 300.0
+
+
 @dataclass(frozen=True)
 class Structure:
     """What moving breaks over a way L and time builds: ds/dt = (1 - s) / T - s |v| / L, 0 to 1."""
@@ -238,9 +242,6 @@ class Structure:
         """
         recording, seconds = joint.recording, 1.0 / joint.recording.rate
         ways, place = np.abs(joint.velocity) * seconds, joint.position
-        # As `stepped`, with what knows no state divided out of the loop over samples.
-        built = seconds / self.recovery
-        shares = 1.0 + built + ways / self.distance
         left = np.ones(len(ways))
         state, last = 1.0, None
         for piece in recording.slices:
@@ -250,10 +251,25 @@ class Structure:
             else:
                 gap = float(recording.time[first] - recording.time[last])
                 state = self.stepped(state, gap, abs(float(place[first] - place[last])))
-            states = []
-            for share in shares[piece].tolist():
-                states.append(state)
-                state = (state + built) / share
-            left[piece] = states
+            left[piece] = states = self._over(state, seconds, ways[piece])
             last = piece.stop - 1
+            state = self.stepped(float(states[-1]), seconds, float(ways[last]))
         return left
+
+    def _over(self, state: float, seconds: float, ways: np.ndarray) -> np.ndarray:
+        """Return the structure at the beginning of each of equal steps, (n,), as `stepped`.
+
+        With A the product of what each step divides by, s A is the first s and what is built times
+        the sum of A: products and sums instead of a loop, begun again before A is too large.
+        """
+        built = seconds / self.recovery
+        divisors = 1.0 + built + ways / self.distance
+        parts = np.log(divisors).cumsum() // _LARGEST
+        states = np.empty(len(ways))
+        for part in np.split(np.arange(len(ways)), np.flatnonzero(np.diff(parts)) + 1):
+            product = np.cumprod(divisors[part])
+            before = np.concatenate([[1.0], product[:-1]])
+            sums = state + built * np.concatenate([[0.0], np.cumsum(before)])
+            states[part] = sums[:-1] / before
+            state = float(sums[-1] / product[-1])
+        return states

@@ -88,13 +88,34 @@ def test_rests_tell_thixotropy_from_hysteresis(moving: float, name: str) -> None
         assert best.score.loss > 0.8 * other.score.loss
 
 
-def test_a_recorded_trial_has_the_structure_that_a_simulation_steps_through() -> None:
+@pytest.mark.parametrize(("recovery", "distance"), [(2.0, 0.3), (0.01, 0.001)])
+def test_a_recorded_trial_has_the_structure_that_a_simulation_steps_through(
+    recovery: float, distance: float
+) -> None:
+    """Also where steps over the trial divide by more than a number can hold."""
     whole = with_rests()
-    structure, state, stepped = Structure(recovery=2.0, distance=0.3), 1.0, []
+    structure, state, stepped = Structure(recovery=recovery, distance=distance), 1.0, []
     for speed in np.abs(whole.velocity[:, ELBOW]):
         stepped.append(state)
         state = structure.stepped(state, 1.0 / RATE, speed * (1.0 / RATE))
-    assert np.array_equal(structure.along(unfitted(whole, ELBOW)), stepped)
+    assert structure.along(unfitted(whole, ELBOW)) == pytest.approx(np.array(stepped), rel=1e-10)
+
+
+def test_a_spring_that_yields_is_stretched_as_step_after_step_makes_it() -> None:
+    rng = np.random.default_rng(3)
+    whole = with_rests()
+    places = np.array(whole.position)
+    # Reversals at nearly every sample, then rests among long ways.
+    places[:, ELBOW] = np.where(
+        np.arange(len(places)) % 50 < 25, rng.normal(size=len(places)), places[:, ELBOW]
+    )
+    shaken = replace(whole, position=places, cache={})
+    state, expected = 0.0, []
+    for way in np.diff(places[:, ELBOW], prepend=places[0, ELBOW]) / 0.4:
+        state = min(max(state + way, -1.0), 1.0)
+        expected.append(state)
+    found = unfitted(shaken, ELBOW).wound(0.4, exponent=0.0)
+    assert found == pytest.approx(np.array(expected), abs=1e-12)
 
 
 def test_lost_samples_are_no_rest() -> None:
