@@ -146,7 +146,8 @@ class Estimator(ABC):
                 used = valid[self.use]
                 of_output = used.reshape(*used.shape[:2], self.outputs, -1)
                 measured = of_output[:, :, : self.outputs - self.indicators]
-                self.rows_used += int(measured.any(axis=(0, 2, 3)).sum())
+                every = measured.size > 0 and measured.all()
+                self.rows_used += len(rows) if every else int(measured.any(axis=(0, 2, 3)).sum())
 
     def merge(self, other: Self) -> None:
         """Add what `other` has seen; ValueError if it belongs to another study."""

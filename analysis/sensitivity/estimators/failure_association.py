@@ -38,12 +38,16 @@ def row_terms(values: Array) -> dict[str, Array]:
     Args:
         values: of runs alike, shape (rows, runs, outputs), nan where one failed.
     """
-    failed = np.isnan(values)
-    share = failed.mean(axis=1)
-    there = share < 1.0
-    total = np.where(failed, 0.0, values).sum(axis=1)
-    mean = np.where(there, total / np.maximum((~failed).sum(axis=1), 1), np.nan)
-    share = np.where(there, share, np.nan)
+    runs, failed = values.shape[1], np.isnan(values)
+    if failed.any():
+        lost, total = failed.sum(axis=1), np.where(failed, 0.0, values).sum(axis=1)
+    else:
+        # As most rows are: sums along short rows take longer than all else here.
+        total = values.sum(axis=1)
+        lost = np.zeros(total.shape, dtype=np.intp)
+    there = lost < runs
+    share = np.where(there, lost / runs, np.nan)
+    mean = np.where(there, total / np.maximum(runs - lost, 1), np.nan)
     return {
         "row_mean": mean[None],
         "row_mean_squared": mean[None],
