@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import rankdata
 
+from analysis.closeloop.identification.balance.halves import lone_carriers, lone_movers
 from analysis.closeloop.identification.balance.least_squares import fits_without_each, gram_matrices
 from analysis.closeloop.session.recording import Recording
 
@@ -213,20 +214,21 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
 
 
 def _halves(recording: Recording, trials: tuple[int, ...]) -> dict[int, float]:
-    """Return when to halve the trials of a group that alone carries a payload, s.
-
-    Left out whole, nothing would be known of its payload. Halved, each half knows the other's.
-    """
-    carriers: dict[str, set[str]] = {}
-    for number in trials:
-        trial = recording.session.trials[number]
-        if trial.payload is not None:
-            carriers.setdefault(trial.payload.name, set()).add(trial.group)
-    alone = {group for groups in carriers.values() if len(groups) == 1 for group in groups}
+    """Return when to halve the trials of a group that alone carries a payload or moves a joint."""
+    fitted = {number: recording.session.trials[number] for number in trials}
+    seen = recording.usable
+    if recording.disturbed is not None:
+        seen = seen & ~recording.disturbed.any(axis=1)
+    travel: dict[str, np.ndarray] = {}
+    for number, trial in fitted.items():
+        own = recording.position[seen & (recording.trial == number)]
+        if len(own):
+            travel[trial.group] = np.maximum(travel.get(trial.group, 0.0), np.ptp(own, axis=0))
+    alone = lone_carriers([*fitted.values()]) | lone_movers(travel, recording.joints)
     return {
         number: float(np.median(recording.time[recording.trial == number]))
-        for number in trials
-        if recording.session.trials[number].group in alone
+        for number, trial in fitted.items()
+        if trial.group in alone
     }
 
 

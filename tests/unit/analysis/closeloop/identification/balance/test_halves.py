@@ -1,0 +1,108 @@
+"""Trials that alone show something are left out by halves."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.closeloop.identification.arms.robot import traced_robot, weighed
+from analysis.closeloop.identification.balance.halves import lone_movers
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.session.contents import Trial
+from analysis.closeloop.session.recording import Recording
+from tests.testbed.sessions.coupled import measured, moving
+
+TRIALS, ALONE = 5, 2
+
+
+def movers(*travel: tuple[float, ...]) -> set[str]:
+    """Return which of some groups alone move a joint; the second and third have a balance."""
+    return lone_movers({str(n): np.array(own) for n, own in enumerate(travel)}, (1, 2))
+
+
+def in_trials(moves: np.ndarray) -> Recording:
+    """Return the robot in trials of equal length, a group each.
+
+    Args:
+        moves: whether each joint moves in each trial, (trials, joints).
+    """
+    whole = moving()
+    trial = np.arange(len(whole.time)) * len(moves) // len(whole.time)
+    names = [f"t{number}.csv" for number in range(len(moves))]
+    trials = tuple(Trial(file=name, label=name, group=name, role="fit") for name in names)
+    return replace(
+        whole,
+        session=replace(whole.session, trials=trials),
+        slices=[slice(*np.flatnonzero(trial == n)[[0, -1]] + [0, 1]) for n in range(len(moves))],
+        trial=trial,
+        position=np.where(moves[trial], whole.position, 0.3),
+        velocity=whole.velocity * moves[trial],
+        acceleration=whole.acceleration * moves[trial],
+        fit_trials=tuple(range(len(moves))),
+        cache={},
+    )
+
+
+def first_joint_in(*moved: int) -> Recording:
+    """Return the robot in trials of 4 s, of which some alone move the first joint."""
+    moves = np.ones((TRIALS, 3), dtype=bool)
+    moves[:, 0] = np.isin(np.arange(TRIALS), moved)
+    return in_trials(moves)
+
+
+def named(robot: Recording, effort: np.ndarray) -> set[tuple[str, int]]:
+    """Return the effects, with their joints, that are found in a noisy effort."""
+    loud = measured(robot, effort)
+    rows = select_rows(loud, loud.fit_trials)
+    found = traced_robot(Model(loud), weighed(Model(loud), rows), lambda _: None)
+    return {step.key for step in found.steps}
+
+
+def folds_by_trial(robot: Recording) -> list[int]:
+    """Return over how many folds the rows of each trial are spread."""
+    rows = select_rows(robot, robot.fit_trials)
+    return [len(set(rows.fold[rows.trial == number])) for number in range(TRIALS)]
+
+
+def test_a_group_that_alone_moves_a_joint_is_told_whether_the_joint_has_a_balance_or_not() -> None:
+    assert movers((0.0, 1.0, 1.0), (0.3, 0.8, 0.6), (0.001, 1.0, 1.0)) == {"1"}
+    assert movers((0.2, 1.0, 0.0), (0.3, 0.8, 0.6), (0.3, 1.0, 0.0)) == {"1"}
+    # As a controller holds it while another joint moves.
+    assert movers((0.08, 1.0, 1.0), (0.67, 0.8, 0.6), (0.09, 1.0, 1.0)) == {"1"}
+    assert movers((0.3, 1.0, 0.0), (0.0, 0.8, 0.0), (0.0, 1.0, 0.7)) == {"0", "2"}
+
+
+def test_what_two_groups_move_and_last_digits_of_a_held_joint_are_not_alone() -> None:
+    assert movers((0.1, 1.0, 1.0), (0.3, 0.8, 0.6), (0.001, 1.0, 1.0)) == set()
+    assert movers((0.004, 1.0, 1.0), (0.0, 0.8, 0.6), (0.0, 1.0, 1.0)) == set()
+
+
+def test_beside_a_group_that_holds_every_joint_with_a_balance_no_other_is_alone() -> None:
+    assert movers((0.0, 0.001, 0.0), (0.3, 0.8, 0.6), (0.2, 0.0, 0.0)) == set()
+
+
+def test_the_trial_that_alone_moves_a_joint_is_left_out_by_halves() -> None:
+    assert folds_by_trial(first_joint_in(ALONE)) == [1, 1, 2, 1, 1]
+    assert folds_by_trial(first_joint_in(ALONE, ALONE + 1)) == [1, 1, 1, 1, 1]
+
+
+def test_a_trial_that_alone_moves_a_joint_since_somebody_pushes_it_is_not_halved() -> None:
+    robot = first_joint_in(ALONE)
+    pushed = (robot.trial == ALONE)[:, None] & (np.arange(3) == 0)
+    assert 2 not in folds_by_trial(replace(robot, disturbed=pushed, cache={}))
+
+
+def test_a_coupling_is_found_though_one_trial_alone_moves_the_neighbour() -> None:
+    robot = first_joint_in(ALONE)
+    effort = np.array(robot.inverse)
+    effort[:, 1] += 0.5 * (robot.position[:, 0] - 0.1)
+    assert named(robot, effort) == {("cross_joint_coupling", 1)}
+
+
+def test_friction_is_found_where_each_trial_moves_one_joint_alone() -> None:
+    """As robots are often identified. Left out whole, a trial's friction is known from no other."""
+    robot = in_trials(np.eye(3, dtype=bool))
+    friction = 0.3 * np.tanh(robot.velocity / 0.01) + 0.2 * robot.velocity
+    effects = ("coulomb_friction", "viscous_friction")
+    wanted = {(name, joint) for name in effects for joint in range(3)}
+    assert named(robot, robot.inverse + friction) == wanted
