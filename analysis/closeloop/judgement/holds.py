@@ -30,6 +30,8 @@ COURSE = 4.0
 BEFORE = 0.5
 #: Friction may keep it on the way back, but this share of the way it comes: what slips does not.
 RETURNS = 0.25
+#: Friction takes power all the time; of this share of it, more is taken than given.
+RUBS = 0.5
 
 
 def rest_events(
@@ -50,14 +52,18 @@ def rest_events(
         abrupt: torque near each sample of which filters are wrong, Nm or N, (n,).
     """
     courses = []
+    # What another joint's motion does at this one is no push, nor is what its own takes.
+    explained = [_needed(recording, joint)]
+    if expected is not None:
+        explained.append(expected)
     still = recording.still or joint not in recording.joints
     for samples in _rests(recording, joint, still):
         effort = recording.effort[samples, joint]
         if len(samples) < recording.rate or np.isnan(effort).any():
             continue
         beyond = _beyond(recording, effort - recording.static[samples, joint])
-        if expected is not None:
-            left = _beyond(recording, effort - expected[samples])
+        for torque in explained:
+            left = _beyond(recording, effort - torque[samples])
             beyond = np.where(np.abs(left) < np.abs(beyond), left, beyond)
         courses.append((samples, beyond))
     if not courses:
@@ -78,7 +84,8 @@ def rest_events(
         for run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
             top = run.start + int(np.argmax(np.abs(beyond[run])))
             enough = abs(beyond[top]) > max(least, excused[samples[top]])
-            if not enough or _driven(away[run], beyond[run]):
+            speed = recording.velocity[samples[run], joint]
+            if not enough or _driven(away[run], speed, beyond[run]):
                 continue
             yield Event(
                 trial=int(recording.trial[samples[top]]),
@@ -108,6 +115,7 @@ def away_events(recording: Recording, joint: int) -> Iterator[Event]:
     for piece, place in zip(recording.slices, places, strict=True):
         moves = np.abs(recording.velocity[piece, joint]) > PEAK * usual / BEFORE
         torque = (recording.effort - recording.static)[piece, joint]
+        beyond = (recording.effort[:, joint] - _needed(recording, joint))[piece]
         for run in _together(moves, within):
             rested = slice(run.start - before, run.start)
             ended = run.stop + before <= len(place)
@@ -117,8 +125,10 @@ def away_events(recording: Recording, joint: int) -> Iterator[Event]:
             push = torque[run] - np.median(torque[rested])
             top = int(np.argmax(np.abs(away)))
             back = abs(away[-1]) < (1.0 - RETURNS) * abs(away[top])
+            own = recording.velocity[piece, joint][run], beyond[run] - np.median(beyond[rested])
+            rubs = not recording.still and _rubs(*own)
             # Of an effort that is not recorded nothing can be said.
-            if abs(away[top]) > PEAK * usual and back and away @ push < 0.0:
+            if abs(away[top]) > PEAK * usual and back and away @ push < 0.0 and not rubs:
                 # It may creep back for seconds.
                 far = np.flatnonzero(np.abs(away) > RETURNS * abs(away[top]))
                 clock = recording.time[piece.start + run.start :]
@@ -175,17 +185,38 @@ def _beyond(recording: Recording, torque: np.ndarray) -> np.ndarray:
     return np.asarray(torque - median_filter(torque, width, mode="nearest"))
 
 
-def _driven(away: np.ndarray, beyond: np.ndarray) -> bool:
+def _driven(away: np.ndarray, velocity: np.ndarray, beyond: np.ndarray) -> bool:
     """Whether a motor moved its joint away from rest itself: then its torque is no event.
 
     Where something pushes, the controller resists: its torque is against the way that the joint
-    goes. A motor's own torque goes that way.
+    goes. A motor's own torque goes that way, or rubs.
 
     Args:
         away: of the joint from where it rests, rad or m, (n,).
+        velocity: of the joint, rad/s or m/s, (n,).
         beyond: torque beside the joint's own course, Nm or N, (n,).
     """
-    return bool(np.abs(away).max() > MOVING and away @ beyond > 0.0)
+    if np.abs(away).max() <= MOVING:
+        return False
+    return bool(away @ beyond > 0.0) or _rubs(velocity, beyond)
+
+
+def _needed(recording: Recording, joint: int) -> np.ndarray:
+    """Return what the declared chain needs at a joint, low-passed as the effort is, (n,)."""
+    return recording.filtered(recording.rigid[:, [joint]])[:, 0]
+
+
+def _rubs(velocity: np.ndarray, beyond: np.ndarray) -> bool:
+    """Whether a torque works against the motion throughout, as the friction that nothing shows yet.
+
+    Who pushes a held joint away works along its motion, and against it where he lets it back.
+
+    Args:
+        velocity: of the joint, rad/s or m/s, (n,).
+        beyond: torque beside the joint's own course, Nm or N, (n,).
+    """
+    power = velocity * beyond
+    return bool(power.sum() > RUBS * np.abs(power).sum())
 
 
 def _noise(signal: np.ndarray | None, share: float = 1.0) -> float:

@@ -92,6 +92,32 @@ def test_a_joint_that_its_motor_moves_out_and_back_is_not_pushed(recording: Reco
     assert find_events(Model(moved), moved) == ()
 
 
+def test_the_reaction_to_another_joint_that_moves_is_no_push(recording: Recording) -> None:
+    """The elbow is held all the time; what the shoulder's quick way takes there is known."""
+    still = np.zeros(len(TIME))
+    held = holding(recording, still, still, sag=0.0)
+    position = np.column_stack([0.6 * bump(12.0, 0.8), held.position[:, 1]])
+    beside = replace(moved(held, position, RATE), joints=(1,), cache={})
+    noise = held.session.trials[0].columns["elbow.effort"] - held.static[:, 1]
+    reaction = beside.rigid[:, 1] - beside.static[:, 1]
+    assert np.abs(beside.filtered(reaction[:, None])).max() > 10.0 * NOISE
+    assert find_events(Model(beside), with_effort(beside, beside.rigid[:, 1] + noise)) == ()
+    push = -0.8 * bump(16.0, 0.8)
+    pushed = with_effort(beside, beside.rigid[:, 1] + noise + push)
+    (event,) = find_events(Model(pushed), pushed)
+    assert 15.9 < event.begin < event.end < 16.9
+
+
+def test_friction_of_a_joint_that_only_moves_out_and_back_is_no_push(recording: Recording) -> None:
+    """Nothing else shows its size. It takes power both ways, and who pushes gives some first."""
+    away = 0.3 * bump(12.0, 2.4)
+    driven = holding(recording, away, np.zeros(len(TIME)), sag=0.0)
+    noise = driven.session.trials[0].columns["elbow.effort"] - driven.static[:, 1]
+    rubbing = 0.8 * np.tanh(np.gradient(away, TIME) / 0.02)
+    driven = with_effort(driven, driven.rigid[:, 1] + rubbing + noise)
+    assert find_events(Model(driven), driven) == ()
+
+
 def test_a_joint_that_goes_to_another_place_is_not_held(recording: Recording) -> None:
     gone = holding(recording, np.where(TIME > 12.0, 0.1, 0.0), -0.8 * bump(11.8, 0.4))
     assert find_events(Model(gone), gone) == ()
