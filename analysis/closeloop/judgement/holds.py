@@ -111,11 +111,12 @@ def away_events(recording: Recording, joint: int) -> Iterator[Event]:
     usual = max(noise, quiet_spread(np.concatenate([own - np.median(own) for own in places])))
     if usual <= 0.0:
         return
+    # Of a joint that never moves by itself nothing can rub.
+    beyond = None if recording.still else recording.effort[:, joint] - _needed(recording, joint)
     before, within = (int(seconds * recording.rate) for seconds in (BEFORE, AWAY))
     for piece, place in zip(recording.slices, places, strict=True):
         moves = np.abs(recording.velocity[piece, joint]) > PEAK * usual / BEFORE
         torque = (recording.effort - recording.static)[piece, joint]
-        beyond = (recording.effort[:, joint] - _needed(recording, joint))[piece]
         for run in _together(moves, within):
             rested = slice(run.start - before, run.start)
             ended = run.stop + before <= len(place)
@@ -125,8 +126,10 @@ def away_events(recording: Recording, joint: int) -> Iterator[Event]:
             push = torque[run] - np.median(torque[rested])
             top = int(np.argmax(np.abs(away)))
             back = abs(away[-1]) < (1.0 - RETURNS) * abs(away[top])
-            own = recording.velocity[piece, joint][run], beyond[run] - np.median(beyond[rested])
-            rubs = not recording.still and _rubs(*own)
+            rubs = False
+            if beyond is not None:
+                beside = beyond[piece] - np.median(beyond[piece][rested])
+                rubs = _rubs(recording.velocity[piece, joint][run], beside[run])
             # Of an effort that is not recorded nothing can be said.
             if abs(away[top]) > PEAK * usual and back and away @ push < 0.0 and not rubs:
                 # It may creep back for seconds.
