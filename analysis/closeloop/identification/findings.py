@@ -234,6 +234,8 @@ class Outcome:
     #: Root mean square that the final model leaves of each joint in motion below the fit's cutoff,
     #: apart from events, Nm or N.
     left: Mapping[int, float]
+    #: Joints with declared unknowns that the fitted trials do not determine, and the held-out do.
+    unsettled: Sequence[int]
 
     def over_floor(self, joint: int) -> float | None:
         """Return a joint's error over its floor; None if it has no floor.

@@ -33,8 +33,9 @@ STEEP = -3.0
 #: Where filters of a recorder against aliases are at work, over half of the rate, and the least
 #: range on which a fall is judged.
 ALIASES, RANGE = 0.8, 2.0**0.5
-#: Samples of a spectrum's window, and lines over which a narrow one is smoothed away.
-WINDOW, LINES = 256, 9
+#: Samples of a spectrum's window, the longest first that fits twice into some piece of a trial, and
+#: the share of its lines over which a narrow one is smoothed away.
+WINDOWS, SMOOTHED = (256, 128, 64), 0.07
 
 
 def floors(
@@ -148,25 +149,13 @@ def _above_the_band(recording: Recording, errors: Sequence[TrialError]) -> Floor
     highest = 0.5 * rate
     if highest < WIDE * edge:
         return None
-    powers, passed, lengths = [], [], []
-    frequency = np.empty(0)
-    for error in errors:
-        filter_hz = recording.session.trials[error.trial].effort_filter_hz
-        for piece in np.split(error.residual, np.flatnonzero(np.diff(error.time) > 5 / rate) + 1):
-            if len(piece) >= 2 * WINDOW:
-                frequency, power = welch(
-                    piece, rate, nperseg=WINDOW, detrend="linear", average="median"
-                )
-                powers.append(power)
-                passed.append(_passed(frequency, filter_hz))
-                lengths.append(len(piece))
-    if not powers:
+    found = _spectrum(recording, errors)
+    if found is None:
         return None
-    power = medfilt(np.average(powers, axis=0, weights=lengths), LINES)
+    frequency, power, gain = found
     if _low_passed(frequency, power, edge, ALIASES * highest):
         return None
     above = frequency >= edge
-    gain = np.average(passed, axis=0, weights=lengths)
     if np.ptp(gain) > 0.0:
         within = _through_the_filter(gain, power, above)[~above].sum() * frequency[1]
     else:
@@ -174,6 +163,34 @@ def _above_the_band(recording: Recording, errors: Sequence[TrialError]) -> Floor
         within = np.median(power[near if near.sum() > 3 else above]) * edge
     square = float(within + power[above].sum() * frequency[1])
     return Floor(value=float(np.sqrt(square)), source="above the band")
+
+
+def _spectrum(
+    recording: Recording, errors: Sequence[TrialError]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return frequencies, Hz, power without narrow lines, and what declared low-passes let pass.
+
+    None if gaps leave no piece of a trial as long as two windows.
+    """
+    rate = recording.sampling.recorded
+    pieces = [
+        (recording.session.trials[error.trial].effort_filter_hz, piece)
+        for error in errors
+        for piece in np.split(error.residual, np.flatnonzero(np.diff(error.time) > 5 / rate) + 1)
+    ]
+    longest = max((len(piece) for _, piece in pieces), default=0)
+    window = next((window for window in WINDOWS if longest >= 2 * window), None)
+    if window is None:
+        return None
+    pieces = [(filter_hz, piece) for filter_hz, piece in pieces if len(piece) >= 2 * window]
+    spectra = [
+        welch(p, rate, nperseg=window, detrend="linear", average="median") for _, p in pieces
+    ]
+    frequency, lengths = spectra[0][0], [len(piece) for _, piece in pieces]
+    power = np.average([own for _, own in spectra], axis=0, weights=lengths)
+    gain = np.average([_passed(frequency, hz) for hz, _ in pieces], axis=0, weights=lengths)
+    lines = 2 * round(0.5 * SMOOTHED * window / 2.0) + 1
+    return frequency, medfilt(power, lines), gain
 
 
 def _passed(frequency: np.ndarray, filter_hz: float | None) -> np.ndarray:

@@ -12,6 +12,9 @@ from scipy.ndimage import maximum_filter1d
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.balance.accuracy import left_out_errors, raw_errors, settled
+from analysis.closeloop.identification.balance.declared import declared_model
+from analysis.closeloop.identification.balance.model import evaluate
+from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import (
     AT_FLOOR,
@@ -77,7 +80,9 @@ def outcome_of(
         loads=loads,
         hidden=hidden,
         left=left_in_band(recording, expected[1], rubs=rubs),
+        unsettled=(),
     )
+    outcome = replace(outcome, unsettled=_unsettled(outcome, rubs=rubs))
     return replace(outcome, verdict=verdict_of(outcome))
 
 
@@ -88,16 +93,18 @@ def verdict_of(outcome: Outcome) -> Verdict:
     pushed = trace.verdict == Verdict.NOT_IDENTIFIABLE and not trace.steps and bool(outcome.events)
     if pushed:
         return Verdict.UNEXPLAINED
-    if trace.verdict == Verdict.ADEQUATE and (outcome.events or left_beside_events(outcome)):
+    if trace.verdict != Verdict.ADEQUATE:
+        return trace.verdict
+    if outcome.events or left_beside_events(outcome):
         return Verdict.UNEXPLAINED
-    if trace.verdict == Verdict.ADEQUATE and not all(map(outcome.identified, outcome.hidden)):
+    if outcome.unsettled or not all(map(outcome.identified, outcome.hidden)):
         return Verdict.NOT_IDENTIFIABLE
-    return trace.verdict
+    return Verdict.ADEQUATE
 
 
 def left_beside_events(outcome: Outcome) -> bool:
     """Whether what a residual holds beside events, without a name, is more than noise."""
-    far = [joint for joint in outcome.left if (outcome.over_floor(joint) or 0.0) > AT_FLOOR]
+    far = set(_far(outcome)) - set(outcome.unsettled)
     structured = [joint for joint, own in outcome.structures.items() if own]
     shaken = [
         joint
@@ -106,6 +113,29 @@ def left_beside_events(outcome: Outcome) -> bool:
         or max(peak.rms for peak in own) > MIN_LINE * outcome.floors[joint].value
     ]
     return bool(shaken or outcome.loads or far or structured)
+
+
+def _far(outcome: Outcome) -> list[int]:
+    """Return the joints whose error in motion is not at its floor."""
+    return [joint for joint in outcome.left if (outcome.over_floor(joint) or 0.0) > AT_FLOOR]
+
+
+def _unsettled(outcome: Outcome, *, rubs: bool) -> tuple[int, ...]:
+    """Return the joints that are far from their floor only for want of other trials to fit.
+
+    The declared model, fitted to the held-out trials too, leaves no joint far from its floor: it
+    lacks nothing, but what is declared of these joints is not determined without those trials.
+    """
+    trace, far = outcome.trace, _far(outcome)
+    if trace.verdict != Verdict.ADEQUATE or outcome.left_out or not far:
+        return ()
+    recording = trace.rows.recording
+    rows = select_rows(recording, tuple(range(len(recording.session.trials))))
+    rows = rows.reweighted(trace.explainable_before.noise)
+    model = declared_model(recording, rows)
+    expected = settled(model, evaluate(model, rows).coefficients)
+    together = replace(outcome, left=left_in_band(recording, expected, rubs=rubs))
+    return () if _far(together) else tuple(far)
 
 
 def _large(

@@ -35,6 +35,7 @@ from analysis.closeloop.report.shared import (
 from analysis.closeloop.report.unexplained import (
     far_from_floor,
     floor_entries,
+    not_settled,
     unexplained,
     untouched,
 )
@@ -75,6 +76,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         "warnings": [
             *warnings,
             *far_from_floor(outcome),
+            *not_settled(outcome),
             *not_identified(identified),
             *undecided(impedance),
             *off_by_form(found, impedance),

@@ -56,8 +56,11 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
         if events:
             structured = max(structured, _power(recording, own, events))
         strongest = max((one.rms for one in outcome.structures.get(joint, [])), default=0.0)
+        size = float(max(np.sqrt(structured), strongest))
+        if not said and not size:
+            continue
         entries[name] = {
-            "rms": float(max(np.sqrt(structured), strongest)),
+            "rms": size,
             "unit": recording.device.unit(name),
             "depends_on": list(dict.fromkeys(depends)),
             "band_hz": _band(recording, own, [] if odd else beyond.get(joint, [])),
@@ -147,6 +150,22 @@ def far_from_floor(outcome: Outcome) -> list[str]:
                 f"{name}: the error in motion is {ratio:.1f} times its floor, "
                 f"{floor.value:.3g} {unit} ({floor.source})"
             )
+    return lines
+
+
+def not_settled(outcome: Outcome) -> list[str]:
+    """Return a warning for every joint of which the trials do not settle what is declared."""
+    recording = outcome.trace.rows.recording
+    lines = []
+    for joint in outcome.unsettled:
+        name = recording.name(joint)
+        own = ", ".join(d.effect for d in recording.session.declared if d.joint == name)
+        there = f" there ({own})" if own else ""
+        lines.append(
+            f"{name}: the trials that are fitted do not determine what is declared{there}: fitted "
+            "to the held-out trials too, the same model is at its floor; fit trials that move it "
+            "as those do, at two or more speeds"
+        )
     return lines
 
 

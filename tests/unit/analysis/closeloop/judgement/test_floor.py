@@ -132,6 +132,17 @@ def test_passes_of_a_movement_are_found_a_whole_period_later(repeated: Recording
     assert {later % 1000 for _, later in found} == {0}
 
 
+def test_gaps_that_leave_no_long_piece_leave_a_floor(recording: Recording) -> None:
+    """Of bursts that took every third second only the last digit was the floor, a tenth of it."""
+    one = error(recording, np.zeros(len(recording.time)), step=0.05)
+    for most in (300, 150):
+        number = np.arange(len(one.time)) % most
+        short = one.where(number < most - 10)
+        floor = floors(replace(recording, joints=(1,)), [short])[1]
+        assert floor.source == "above the band"
+        assert floor.value == pytest.approx(NOISE, rel=0.2)
+
+
 def test_what_the_user_knows_of_a_sensor_comes_first(repeated: Recording) -> None:
     session = replace(repeated.session, noise={"elbow.effort": 0.07})
     known = replace(repeated, joints=(1,), session=session)

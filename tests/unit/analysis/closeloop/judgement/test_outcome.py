@@ -1,5 +1,6 @@
 """What makes a residual more than noise."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -7,17 +8,36 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.findings import Event, Floor, Outcome, Structure, Trace
+from analysis.closeloop.identification.balance.accuracy import settled
+from analysis.closeloop.identification.findings import (
+    Errors,
+    Event,
+    Floor,
+    Outcome,
+    Structure,
+    Trace,
+)
 from analysis.closeloop.identification.spectrum import Peak
-from analysis.closeloop.judgement.outcome import _large, left_beside_events, verdict_of
+from analysis.closeloop.identification.tracing import trace
+from analysis.closeloop.judgement.outcome import (
+    _large,
+    _unsettled,
+    left_beside_events,
+    left_in_band,
+    verdict_of,
+)
 from analysis.closeloop.report.json_report import advice
+from analysis.closeloop.report.unexplained import not_settled
+from analysis.closeloop.session.contents import DeclaredEffect, Trial
 from analysis.closeloop.session.recording import Recording
+from tests.testbed.sessions.coupled import NOISE, measured, moving
 
 
 @pytest.mark.parametrize(("size", "left"), [(0.03, False), (0.08, True)])
 def test_an_oscillation_counts_only_next_to_the_floor(size: float, left: bool) -> None:
     outcome = SimpleNamespace(
         left={},
+        unsettled=(),
         structures={},
         events=(),
         loads=(),
@@ -60,6 +80,7 @@ def test_after_a_push_alone_the_advice_is_to_repeat_the_trial_untouched(
         events=(Event(trial=0, joint=0, begin=1.0, end=1.5, peak=-0.4),),
         structures={0: [1] if beside else []},
         left={},
+        unsettled=(),
         loads=(),
         floors={},
         oscillations={},
@@ -84,3 +105,75 @@ def test_a_push_is_said_whatever_else_the_trials_cannot_tell() -> None:
         ),
     )
     assert verdict_of(named) == Verdict.NOT_IDENTIFIABLE
+
+
+def rubbing(beyond: float) -> Recording:
+    """Return a robot whose first joint creeps in the trial that is fitted and runs in the other.
+
+    Args:
+        beyond: what the quick trial adds to the friction that is declared, Nm.
+    """
+    whole = moving()
+    quick = np.arange(len(whole.time)) >= len(whole.time) // 2
+    turns = np.sign(whole.velocity[:, 0])
+    wave = np.sin(np.arange(len(turns)) / 20.0)
+    speed = turns * np.where(quick, 1.0 + 0.3 * wave, 0.1 + 0.0002 * wave)
+    trials = tuple(
+        Trial(file=f"{role}.csv", label=role, group=role, role=role) for role in ("fit", "holdout")
+    )
+    friction = tuple(
+        DeclaredEffect(effect=name, joint=whole.name(0))
+        for name in ("coulomb_friction", "viscous_friction")
+    )
+    half = int(quick.argmax())
+    robot = replace(
+        whole,
+        session=replace(whole.session, trials=trials, declared=friction),
+        slices=[slice(0, half), slice(half, len(quick))],
+        trial=quick.astype(int),
+        velocity=np.column_stack([speed, whole.velocity[:, 1:]]),
+        fit_trials=(0,),
+        cache={},
+    )
+    effort = np.array(robot.inverse)
+    effort[:, 0] += 0.3 * turns + 0.5 * speed + beyond * quick * wave
+    return measured(robot, effort)
+
+
+def judged(recording: Recording) -> Outcome:
+    """Return what a session with a floor at its noise comes to, before its verdict."""
+    found = trace(recording)
+    assert found.verdict == Verdict.ADEQUATE
+    nothing = Errors(before=[], after=[])
+    outcome = Outcome(
+        trace=found,
+        verdict=found.verdict,
+        fit=nothing,
+        holdout=nothing,
+        left_out=False,
+        oscillations={},
+        floors={joint: Floor(value=NOISE, source="declared") for joint in recording.joints},
+        structures={},
+        events=(),
+        loads=(),
+        hidden={},
+        left=left_in_band(recording, settled(*found.fits[1]), rubs=True),
+        unsettled=(),
+    )
+    assert left_beside_events(outcome)
+    return replace(outcome, unsettled=_unsettled(outcome, rubs=True))
+
+
+def test_friction_that_one_speed_does_not_determine_is_said_to_be_so() -> None:
+    """A clean arm was `unexplained`: viscosity of one slow trial was far off in the quick one."""
+    outcome = judged(rubbing(0.0))
+    assert outcome.unsettled == (0,)
+    assert verdict_of(outcome) == Verdict.NOT_IDENTIFIABLE
+    (line,) = not_settled(outcome)
+    assert "a: the trials" in line and "(coulomb_friction, viscous_friction)" in line
+
+
+def test_what_no_declared_friction_explains_in_the_quick_trial_stays_unexplained() -> None:
+    outcome = judged(rubbing(0.05))
+    assert outcome.unsettled == ()
+    assert verdict_of(outcome) == Verdict.UNEXPLAINED
