@@ -14,9 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
+from scipy.signal import oaconvolve
 from scipy.spatial import cKDTree
 
 from analysis.closeloop.identification.balance.least_squares import gram_matrices
+from analysis.closeloop.identification.balance.luck import MIN_TORQUE
 from analysis.closeloop.identification.balance.model import (
     Model,
     evaluate,
@@ -27,10 +29,10 @@ from analysis.closeloop.identification.balance.regression import SCATTERED, Rows
 from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import with_free_presliding
-from analysis.closeloop.judgement.holds import away_events, rest_events, spread
+from analysis.closeloop.judgement.holds import STICTION, away_events, rest_events, spread
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
-from analysis.closeloop.session.signals import lowpass
+from analysis.closeloop.session.signals import lowpass, rms
 
 #: An event's peak and its flanks, over the spread of the residual (from its median).
 PEAK, FLANK = 6.0, 2.5
@@ -52,6 +54,8 @@ LOCAL = 0.25
 ABRUPT = 0.5
 #: Time around a start at which filters still feel it, s.
 AROUND = 0.1
+#: Periods of the fit's cutoff over which its low-pass rings.
+RINGS = 4.0
 #: How near another pass is (in deviations of place, speed and acceleration), and which share of
 #: the residual makes it the same.
 NEAR, ALIKE = 0.3, 0.4
@@ -80,7 +84,7 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             if len(samples) < LEAST_ROWS:
                 continue
             friction[joint] = friction_of(model, rows, joint)
-            own = _joined(_moving(model, rows, joint))
+            own = _joined(_moving(model, rows, joint, friction[joint]))
             own = [event for event in own if event.end - event.begin > SHORTEST]
             seconds = len(samples) * samples_step(samples) / recording.rate
             if int(_driven(recording, joint, samples).sum()) * seconds > TELLS * len(samples):
@@ -119,7 +123,8 @@ def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
 class Beyond:
     """What is left of a joint by the model alone, and with splines beside it; arrays (r,)."""
 
-    #: By the model, fitted without outliers, Nm or N, low-passed.
+    #: By the model, fitted without outliers, Nm or N, low-passed; the smaller of what it leaves
+    #: with its friction as it is and free to turn, which misses starts unlike all others.
     alone: np.ndarray
     #: With splines, every second predicted from others, Nm or N, low-passed.
     left: np.ndarray
@@ -129,7 +134,7 @@ class Beyond:
     @property
     def least(self) -> np.ndarray:
         """The smaller of both: where the model is right, what splines miss is their own."""
-        return np.where(np.abs(self.alone) < np.abs(self.left), self.alone, self.left)
+        return _smaller(self.alone, self.left)
 
     @property
     def sure(self) -> np.ndarray:
@@ -174,15 +179,29 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> Beyond:
         sure = left / np.sqrt(1.0 + COLOUR * doubt)
         size = np.abs(sure) / (WIDTH * max(spread(sure), 1e-12))
         weight = np.where(size < 1, (1 - size**2) ** 2, 0.0)
-    few = np.concatenate([np.ones((len(base), 1)), base], axis=1)[part]
-    root = np.sqrt(weight)
-    alone = target - few @ np.linalg.lstsq(few * root[:, None], target * root, rcond=None)[0]
+    alone = _smaller(
+        _left(target, base[part], weight), _left(target, model.base(rows)[0][part], weight)
+    )
     if spread(left) > np.sqrt(2.0) * spread(alone):
         # A joint that drifts while it is held has too few seconds for splines: their own error is
         # larger than all that the model leaves, so they have nothing to say. (Twice the power: set
         # while looking at limbs 639 and 5059 of the unkind bench.)
         return Beyond(alone=alone, left=alone, doubt=np.zeros(len(alone)))
     return Beyond(alone=alone, left=left, doubt=doubt)
+
+
+def _smaller(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return what is nearer to zero, row by row, (r,)."""
+    return np.where(np.abs(one) < np.abs(other), one, other)
+
+
+def _left(target: np.ndarray, table: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return what a weighted fit of a table, (r, k), and a constant leaves of a target, (r,)."""
+    table = np.column_stack([np.ones(len(table)), table])
+    root = np.sqrt(weight)
+    return np.asarray(
+        target - table @ np.linalg.lstsq(table * root[:, None], target * root, rcond=None)[0]
+    )
 
 
 def friction_of(model: Model, rows: Rows, joint: int) -> float:
@@ -219,8 +238,16 @@ def _predicted(
     return left, ((table @ inverse) * table).sum(axis=1)
 
 
-def _moving(model: Model, rows: Rows, joint: int) -> Iterator[Event]:
-    """Yield what stands out of a moving joint's residual and is not there in other passes."""
+def _moving(model: Model, rows: Rows, joint: int, friction: float) -> Iterator[Event]:
+    """Yield what stands out of a moving joint's residual and is not there in other passes.
+
+    Args:
+        model: what is known by now.
+        rows: the samples of all joints in motion.
+        joint: which.
+        friction: that its motion shows, Nm or N. Where it turns, sticking for a moment as long as a
+            controller takes, its friction has any value, as at rest.
+    """
     recording, samples = rows.recording, rows.samples[joint]
     if len(np.unique(rows.block[rows.parts[joint]])) < SCATTERED:
         return
@@ -235,6 +262,9 @@ def _moving(model: Model, rows: Rows, joint: int) -> Iterator[Event]:
     places = [recording.position[samples, joint], np.sign(turned) * np.log(np.abs(turned) + 0.02)]
     ways = [_Way(recording.time[samples], [place, *motion]) for place in places]
     abrupt = ABRUPT * upper_octave(recording, joint)[samples]
+    abrupt = np.maximum(abrupt, STICTION * friction * sticking(recording, joint)[samples])
+    # Less than matters beside the effort is no event either.
+    abrupt = np.maximum(abrupt, MIN_TORQUE * rms(recording.effort[samples, joint]))
     for seconds in SCALES:
         width = max(1, round(seconds / step))
         relative, sure, alone, predicted, excused = (
@@ -283,6 +313,21 @@ def upper_octave(recording: Recording, joint: int) -> np.ndarray:
         low, high = (lowpass(torque[piece], share * cutoff, recording.rate) for share in (0.5, 1.0))
         found[piece] = maximum_filter1d(np.abs(high - low), int(AROUND * recording.rate) | 1)
     return found
+
+
+def sticking(recording: Recording, joint: int) -> np.ndarray:
+    """Return what is left at most, low-passed, of a torque of 1 where a joint turns, (n,).
+
+    As long as it sticks there its friction has any value; the low-pass spreads that, and rings.
+    """
+    rate, cutoff = recording.rate, recording.sampling.fit_cutoff
+    one = np.zeros(2 * int(RINGS * rate / cutoff) + 1)
+    one[len(one) // 2] = 1.0
+    response = np.abs(lowpass(one, cutoff, rate))
+    turning = recording.turning(joint).astype(float)
+    return np.concatenate(
+        [oaconvolve(turning[piece], response, mode="same") for piece in recording.slices]
+    )
 
 
 def samples_step(samples: np.ndarray) -> int:

@@ -178,15 +178,12 @@ def left_in_band(recording: Recording, expected: np.ndarray, *, rubs: bool) -> d
         good = recording.usable & np.isfinite(recording.effort[:, joint])
         if recording.disturbed is not None:
             good &= ~recording.disturbed[:, joint]
+        turning = recording.turning(joint)
         for piece in recording.slices:
             # What the filters touch at both ends, as in the fit.
             good[piece.start : piece.start + edge] = good[piece.stop - edge : piece.stop] = False
-            if not rubs:
-                continue
-            velocity = recording.velocity[piece, joint]
-            turning = np.abs(velocity) < recording.rest_speed[joint]
-            turning[1:] |= np.diff(np.sign(velocity)) != 0
-            good[piece] &= ~maximum_filter1d(turning, memory)
+            if rubs:
+                good[piece] &= ~maximum_filter1d(turning[piece], memory)
         if good.any():
             found[joint] = rms((recording.effort - smooth)[good, joint])
     return found

@@ -256,6 +256,16 @@ class Recording:
             out[piece] = sign * (np.arange(len(sign)) - last) / self.rate
         return out
 
+    def turning(self, joint: int) -> np.ndarray:
+        """Return where a joint rests or changes direction, (n,): its friction may be any there."""
+
+        def of_piece(velocity: np.ndarray) -> np.ndarray:
+            turning = np.abs(velocity) < self.rest_speed[joint]
+            turning[1:] |= np.diff(np.sign(velocity)) != 0
+            return np.asarray(turning)
+
+        return self._by_piece(self.velocity[:, joint], of_piece)
+
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """Pass columns (n, ...) through the fit's low-pass, piece by piece, as the effort."""
         return np.concatenate([low(columns[own]) for own, low in self._lowpasses])

@@ -13,6 +13,8 @@ from sim.effects.functions import Signal
 from sim.effects.motion import Motion, RecordedJoint, Recording
 from sim.effects.parameter import Nonlinear, Parameter, Reading, Values, named
 
+#: Least way of a joint that moves, rad or m.
+MOVING = 5e-3
 #: What a coupling goes by: the other's position and velocity, its acceleration, its effort.
 MOTION, ACCELERATION, EFFORT = 0.0, 1.0, 2.0
 #: Parameters of each, in the order of the columns.
@@ -102,25 +104,41 @@ class CrossJointCoupling(Law):
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         recording, number = joint.recording, joint.number
+        ways = _ways_beside(recording, number)
         grid: list[Theta] = []
         for other in _others(recording, number):
             plain = {"other_dof": float(other), "between": 0.0, "by": MOTION}
-            grid.append(plain)
             # A limb has a stiffness of its own, which nothing tells from a belt's, and no drive.
-            if number in recording.limbs:
-                continue
-            if recording.is_hinge(number) == recording.is_hinge(other):
-                grid.append({**plain, "between": 1.0})
-            grid.append({**plain, "by": ACCELERATION})
-            if _recorded(recording, other, beside=number):
+            driven = number not in recording.limbs
+            if ways[other] > MOVING:
+                grid.append(plain)
+                if driven and recording.is_hinge(number) == recording.is_hinge(other):
+                    grid.append({**plain, "between": 1.0})
+                if driven:
+                    grid.append({**plain, "by": ACCELERATION})
+            if driven and _recorded(recording, other, beside=number):
                 grid.append({**plain, "by": EFFORT})
         return grid
 
 
 def _others(recording: Recording, joint: int) -> list[int]:
     """Return the other joints that are recorded moving, the nearest in the chain first."""
-    moving = np.flatnonzero(np.ptp(recording.position, axis=0) > 5e-3)
+    moving = np.flatnonzero(np.ptp(recording.position, axis=0) > MOVING)
     return sorted((int(j) for j in moving if j != joint), key=lambda j: abs(j - joint))
+
+
+def _ways_beside(recording: Recording, joint: int) -> np.ndarray:
+    """Return how far every joint goes in one piece while `joint` moves, rad or m, (joints,).
+
+    A joint that a controller holds gives way a little with every torque that others need: over so
+    short a way anything follows anything.
+    """
+    moves = np.abs(recording.velocity[:, joint]) > recording.rest_speed[joint]
+    ways = np.zeros(recording.position.shape[1])
+    for piece in recording.slices:
+        if moves[piece].any():
+            ways = np.maximum(ways, np.ptp(recording.position[piece][moves[piece]], axis=0))
+    return ways
 
 
 def _recorded(recording: Recording, other: int, *, beside: int) -> bool:

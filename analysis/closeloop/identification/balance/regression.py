@@ -107,6 +107,15 @@ class Rows:
     def folds(self) -> list[np.ndarray]:
         return [np.flatnonzero(self.fold == number) for number in range(int(self.fold.max()) + 1)]
 
+    @cached_property
+    def halved(self) -> np.ndarray:
+        """Which rows are of trials that alone show something, so that halves are left out, (r,)."""
+        if not self.grouped:
+            return np.zeros(len(self.trial), dtype=bool)
+        numbers, first = np.unique(self.trial, return_index=True)
+        other = self.fold != self.fold[first][np.searchsorted(numbers, self.trial)]
+        return np.isin(self.trial, self.trial[other])
+
     def stack(self, columns: Mapping[int, np.ndarray], width: int) -> np.ndarray:
         """Low-pass columns per joint and stack them over rows, weighted, (r, width)."""
         parts = []

@@ -208,8 +208,14 @@ def _under_white_noise(gram: np.ndarray, grams: np.ndarray, inverse: np.ndarray)
 
 
 def partitions(rows: Rows) -> list[np.ndarray]:
-    """Return each row's trial, then its place and its place within its trial, for every cut."""
-    trials = rows.trial if len(np.unique(rows.trial)) >= MIN_TRIALS else rows.block
+    """Return each row's trial, then its place and its place within its trial, for every cut.
+
+    Of few trials, and of one that alone moves a joint or carries a load, seconds are left out:
+    without that trial nothing would be known of what it shows.
+    """
+    trials = rows.block
+    if len(np.unique(rows.trial)) >= MIN_TRIALS:
+        trials = np.where(rows.halved, rows.trial.max() + 1 + rows.block, rows.trial)
     cuts = [places(rows, *cut) for cut in CUTS]
     if len(np.unique(trials)) == 1:
         trials = cuts[0]
