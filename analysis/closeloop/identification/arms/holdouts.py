@@ -1,8 +1,11 @@
-"""What held-out trials may still refuse: a repair that makes the error of a joint worse."""
+"""What samples that no fit has seen refuse: a repair that makes a joint worse."""
+
+from collections.abc import Callable
 
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED
+from analysis.closeloop.identification.balance.accuracy import left_out_errors, rms_by_joint
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Step
@@ -16,7 +19,8 @@ ROUNDING = 1e-3
 def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     """Take out effects until no joint is worse on the held-out trials than under what is declared.
 
-    Nothing is fitted to these trials, and nothing is added because of them.
+    Nothing is fitted to these trials, and nothing is added because of them. Without any, what each
+    group's own fit has not seen stands for them, rests and all.
 
     Args:
         grown: the model with its effects.
@@ -26,20 +30,13 @@ def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[s
     Returns:
         The model with the effects that stay, and a sentence for each that went.
     """
-    trials = rows.recording.session.trials
-    holdouts = tuple(number for number, trial in enumerate(trials) if trial.role == "holdout")
-    if not holdouts or not grown.steps:
+    if not grown.steps:
         return grown, ()
-    # Where the joint rests, the motion does not say what friction is: no model is right there.
-    models = (declared, grown.model)
-    rubs = any(term.rubs for model in models for term in model.terms)
-    held = select_rows(
-        rows.recording, holdouts, rests=not rubs and not np.any(rows.recording.device.friction)
-    )
-    before = _errors(declared, rows, held)
+    errors = _errors_by((declared, grown.model), rows)
+    before = errors(declared)
     notes = []
     while grown.steps:
-        after = _errors(grown.model, rows, held)
+        after = errors(grown.model)
         worse = [joint for joint in after if after[joint] > (1.0 + ROUNDING) * before[joint]]
         gone = _least(grown, worse)
         if gone is None:
@@ -56,10 +53,27 @@ def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[s
     return grown, tuple(notes)
 
 
-def _errors(model: Model, rows: Rows, held: Rows) -> dict[int, float]:
-    """Return the error of every joint in rows that no fit has seen, root mean square."""
-    left = model.target(held) - model.base(held)[0] @ evaluate(model, rows).coefficients
-    return {joint: rms(left[part]) for joint, part in held.parts.items() if part.stop > part.start}
+def _errors_by(models: tuple[Model, Model], rows: Rows) -> Callable[[Model], dict[int, float]]:
+    """Return what gives every joint's error, root mean square, in samples that no fit has seen."""
+    recording = rows.recording
+    trials = recording.session.trials
+    holdouts = tuple(number for number, trial in enumerate(trials) if trial.role == "holdout")
+    if not holdouts:
+        return lambda model: {
+            joint: error for joint, (error, _) in rms_by_joint(left_out_errors(model, rows)).items()
+        }
+    # Where the joint rests, the motion does not say what friction is: no model is right there.
+    rubs = any(term.rubs for model in models for term in model.terms)
+    held = select_rows(
+        recording, holdouts, rests=not rubs and not np.any(recording.device.friction)
+    )
+
+    def of(model: Model) -> dict[int, float]:
+        left = model.target(held) - model.base(held)[0] @ evaluate(model, rows).coefficients
+        parts = held.parts.items()
+        return {joint: rms(left[part]) for joint, part in parts if part.stop > part.start}
+
+    return of
 
 
 def _least(grown: Grown, worse: list[int]) -> Step | None:
