@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
-from scipy.signal import oaconvolve
 from scipy.spatial import cKDTree
 
 from analysis.closeloop.identification.balance.least_squares import gram_matrices
@@ -22,10 +21,15 @@ from analysis.closeloop.identification.balance.luck import MIN_TORQUE
 from analysis.closeloop.identification.balance.model import (
     Model,
     evaluate,
-    kept_columns,
     prediction,
 )
 from analysis.closeloop.identification.balance.regression import SCATTERED, Rows, select_rows
+from analysis.closeloop.identification.balance.sticking import (
+    driven,
+    friction_of,
+    samples_step,
+    sticking,
+)
 from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import with_free_presliding
@@ -38,8 +42,6 @@ from analysis.closeloop.session.signals import lowpass, rms
 PEAK, FLANK = 6.0, 2.5
 #: Lengths over which the residual is averaged, s: a weak push shows by lasting.
 SCALES = (0.0, 0.2, 0.6)
-#: Least time that a joint moves by itself in each direction, s, before it shows its friction.
-MOVED = 0.5
 #: Time that a motor moves its joint, s, before a fit to it tells what an excursion from rest takes.
 TELLS = 6.0
 #: Rows of a joint in motion, below which nothing is said of it.
@@ -54,8 +56,6 @@ LOCAL = 0.25
 ABRUPT = 0.5
 #: Time around a start at which filters still feel it, s.
 AROUND = 0.1
-#: Periods of the fit's cutoff over which its low-pass rings.
-RINGS = 4.0
 #: How near another pass is (in deviations of place, speed and acceleration), and which share of
 #: the residual makes it the same.
 NEAR, ALIKE = 0.3, 0.4
@@ -87,7 +87,7 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             own = _joined(_moving(model, rows, joint, friction[joint]))
             own = [event for event in own if event.end - event.begin > SHORTEST]
             seconds = len(samples) * samples_step(samples) / recording.rate
-            if int(_driven(recording, joint, samples).sum()) * seconds > TELLS * len(samples):
+            if int(driven(recording, joint, samples).sum()) * seconds > TELLS * len(samples):
                 torque = prediction(model, evaluate(model, rows).coefficients)[:, [joint]]
                 expected[joint] = recording.filtered(torque)[:, 0]
             found += own if len(own) <= max(3.0, OFTEN * seconds) else []
@@ -99,15 +99,6 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             # Where another joint moves, its reaction takes this one along.
             found += away_events(recording, joint)
     return tuple(sorted(_joined(found), key=lambda one: (one.begin, one.joint)))
-
-
-def _driven(recording: Recording, joint: int, samples: np.ndarray) -> np.ndarray:
-    """Return which samples lie outside holds: there its motor moves the joint, (s,)."""
-    driven = np.ones(len(samples), dtype=bool)
-    for piece in recording.slices:
-        for hold in recording.held(joint, piece):
-            driven &= (samples < piece.start + hold.start) | (samples >= piece.start + hold.stop)
-    return driven
 
 
 def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
@@ -204,29 +195,6 @@ def _left(target: np.ndarray, table: np.ndarray, weight: np.ndarray) -> np.ndarr
     )
 
 
-def friction_of(model: Model, rows: Rows, joint: int) -> float:
-    """Return half of the step that a joint's torque makes where it turns, Nm or N.
-
-    Zero where it hardly moves by itself: what pushes a held joint to and fro is no friction.
-    """
-    recording = rows.recording
-    samples = rows.samples[joint]
-    coefficients = evaluate(model, rows).coefficients
-    rigid = recording.filtered(recording.rigid[:, [joint]])[samples, 0]
-    rubbing = recording.effort[samples, joint] - rigid
-    for term, own in model.split(coefficients):
-        if not term.rubs and joint in term.columns:
-            rubbing = rubbing - recording.filtered(kept_columns(term)[joint])[samples] @ own
-    slow = np.abs(recording.velocity[samples, joint]) < 0.25 * recording.top_speed[joint]
-    slow &= _driven(recording, joint, samples)
-    sides = [
-        rubbing[slow & (sign * recording.velocity[samples, joint] > 0)] for sign in (1.0, -1.0)
-    ]
-    if min(len(side) for side in sides) * samples_step(samples) < MOVED * recording.rate:
-        return 0.0
-    return 0.5 * abs(float(np.median(sides[0]) - np.median(sides[1])))
-
-
 def _predicted(
     gram: np.ndarray, table: np.ndarray, target: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -313,25 +281,6 @@ def upper_octave(recording: Recording, joint: int) -> np.ndarray:
         low, high = (lowpass(torque[piece], share * cutoff, recording.rate) for share in (0.5, 1.0))
         found[piece] = maximum_filter1d(np.abs(high - low), int(AROUND * recording.rate) | 1)
     return found
-
-
-def sticking(recording: Recording, joint: int) -> np.ndarray:
-    """Return what is left at most, low-passed, of a torque of 1 where a joint turns, (n,).
-
-    As long as it sticks there its friction has any value; the low-pass spreads that, and rings.
-    """
-    rate, cutoff = recording.rate, recording.sampling.fit_cutoff
-    one = np.zeros(2 * int(RINGS * rate / cutoff) + 1)
-    one[len(one) // 2] = 1.0
-    response = np.abs(lowpass(one, cutoff, rate))
-    turning = recording.turning(joint).astype(float)
-    return np.concatenate(
-        [oaconvolve(turning[piece], response, mode="same") for piece in recording.slices]
-    )
-
-
-def samples_step(samples: np.ndarray) -> int:
-    return int(np.median(np.diff(samples)))
 
 
 class _Way:

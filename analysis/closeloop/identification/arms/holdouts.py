@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED
-from analysis.closeloop.identification.balance.accuracy import left_out_errors, rms_by_joint
+from analysis.closeloop.identification.balance.accuracy import left_out_errors
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.sticking import friction_of, sticking
 from analysis.closeloop.identification.findings import Step
 from analysis.closeloop.identification.growing.steps import Grown
 from analysis.closeloop.session.signals import rms
@@ -19,8 +20,8 @@ ROUNDING = 1e-3
 def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     """Take out effects until no joint is worse on the held-out trials than under what is declared.
 
-    Nothing is fitted to these trials, and nothing is added because of them. Without any, what each
-    group's own fit has not seen stands for them, rests and all.
+    Nothing is fitted to these trials, and nothing is added because of them. Without any, groups
+    that are left out stand for them, rests and all.
 
     Args:
         grown: the model with its effects.
@@ -59,9 +60,7 @@ def _errors_by(models: tuple[Model, Model], rows: Rows) -> Callable[[Model], dic
     trials = recording.session.trials
     holdouts = tuple(number for number, trial in enumerate(trials) if trial.role == "holdout")
     if not holdouts:
-        return lambda model: {
-            joint: error for joint, (error, _) in rms_by_joint(left_out_errors(model, rows)).items()
-        }
+        return _of_left_out(models[0], rows)
     # Where the joint rests, the motion does not say what friction is: no model is right there.
     rubs = any(term.rubs for model in models for term in model.terms)
     held = select_rows(
@@ -72,6 +71,32 @@ def _errors_by(models: tuple[Model, Model], rows: Rows) -> Callable[[Model], dic
         left = model.target(held) - model.base(held)[0] @ evaluate(model, rows).coefficients
         parts = held.parts.items()
         return {joint: rms(left[part]) for joint, part in parts if part.stop > part.start}
+
+    return of
+
+
+def _of_left_out(declared: Model, rows: Rows) -> Callable[[Model], dict[int, float]]:
+    """Return the same of raw samples of left-out groups, as far as no friction explains it.
+
+    Where a joint sticks its friction may be anything to either side of it, and of any model.
+    """
+    recording = rows.recording
+    doubt = {
+        joint: 2.0 * friction_of(declared, rows, joint) * sticking(recording, joint)
+        for joint in rows.joints
+    }
+
+    def of(model: Model) -> dict[int, float]:
+        squares: dict[int, list[np.ndarray]] = {joint: [] for joint in rows.joints}
+        for error in left_out_errors(model, rows):
+            own = recording.trial == error.trial
+            known = np.interp(error.time, recording.time[own], doubt[error.joint][own])
+            squares[error.joint].append(np.maximum(np.abs(error.residual) - known, 0.0) ** 2)
+        return {
+            joint: float(np.sqrt(np.concatenate(own).mean()))
+            for joint, own in squares.items()
+            if sum(map(len, own))
+        }
 
     return of
 

@@ -45,6 +45,7 @@ from analysis.closeloop.identification.balance.regression import (
     Score,
     compare,
 )
+from analysis.closeloop.identification.balance.sticking import sliding
 from analysis.closeloop.identification.candidates import candidates, refined
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.steps import Grown, grow
@@ -52,6 +53,8 @@ from analysis.closeloop.identification.nameable import lowest
 from analysis.closeloop.identification.presliding import only_presliding
 from sim.effects.catalogue import BY_NAME
 
+#: A standard deviation over the median of sizes.
+SPREAD = 1.4826
 #: What every joint of a robot may have.
 ORDINARY = ("torque_offset", "viscous_friction", "coulomb_friction", "added_inertia")
 
@@ -117,9 +120,20 @@ def _traced(
 
 
 def weighed(declared: Model, rows: Rows) -> Rows:
-    """Return the rows with every joint weighed by what ordinary friction and free links leave."""
+    """Return the rows with every joint weighed by what ordinary friction and free links leave.
+
+    Without those in which it sticks.
+    """
     links = links_of(declared.recording)
     model = with_ordinary(declared, rows)
+    fit = WholeFit(model, rows, links)
+    residual = fit.with_links(range(len(model.terms))).left
+    noise = {
+        joint: SPREAD * float(np.median(np.abs(residual[part] / rows.weight[part])))
+        for joint, part in rows.parts.items()
+        if part.stop > part.start
+    }
+    rows = sliding(model, rows, noise)
     for _ in range(2):
         fit = WholeFit(model, rows, links)
         left = fit.with_links(range(len(model.terms)))

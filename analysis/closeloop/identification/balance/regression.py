@@ -151,6 +151,18 @@ class Rows:
 
         return float(self.once(("smoothing", joint), make))
 
+    def where(self, kept: np.ndarray) -> "Rows":
+        """Return some of the rows, (r,)."""
+        return replace(
+            self,
+            samples={joint: own[kept[self.parts[joint]]] for joint, own in self.samples.items()},
+            weight=self.weight[kept],
+            fold=np.unique(self.fold[kept], return_inverse=True)[1],
+            block=np.unique(self.block[kept], return_inverse=True)[1],
+            trial=self.trial[kept],
+            stacked={},
+        )
+
     def reweighted(self, noise: Mapping[int, float]) -> "Rows":
         """Return the same rows with every joint's noise as the unit of its residual.
 

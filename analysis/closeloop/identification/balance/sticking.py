@@ -1,0 +1,99 @@
+"""Friction where a joint sticks: it has any value there, and the fit's low-pass spreads it.
+
+Friction that is fitted turns with the velocity. Where a controller takes a while to turn a joint
+around, its friction goes from one side to the other meanwhile, in a way that no motion shows. Of an
+arm with friction of a hundred times its noise that is nearly all that is left, and hides the rest.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.signal import oaconvolve
+
+from analysis.closeloop.identification.balance.model import (
+    Model,
+    evaluate,
+    kept_columns,
+    unfitted,
+)
+from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import lowpass
+from sim.effects.motion import PRESLIDING_SHARE
+
+#: Least time that a joint moves by itself in each direction, s, before it shows its friction.
+MOVED = 0.5
+#: Periods of the fit's cutoff over which its low-pass rings.
+RINGS = 4.0
+#: Least share of a joint's rows that are left, those that say most.
+LEAST_KEPT = 0.5
+
+
+def sliding(model: Model, rows: Rows, noise: Mapping[int, float]) -> Rows:
+    """Return the rows without those in which friction that nobody knows may be more than noise.
+
+    Args:
+        model: what is known of the joints.
+        rows: the samples to fit.
+        noise: what it leaves of every joint, Nm or N, low-passed.
+    """
+    kept = np.ones(len(rows.weight), dtype=bool)
+    for joint in rows.joints:
+        doubt = friction_of(model, rows, joint) * sticking(rows.recording, joint)
+        own = doubt[rows.samples[joint]]
+        kept[rows.parts[joint]] = own <= max(noise[joint], float(np.quantile(own, LEAST_KEPT)))
+    return rows.where(kept)
+
+
+def sticking(recording: Recording, joint: int) -> np.ndarray:
+    """Return what is left at most, low-passed, of a torque of 1 where a joint turns, (n,).
+
+    As long as it sticks, or has not gone presliding's way since, its friction has any value; the
+    low-pass spreads that, and rings.
+    """
+    rate, cutoff = recording.rate, recording.sampling.fit_cutoff
+    one = np.zeros(2 * int(RINGS * rate / cutoff) + 1)
+    one[len(one) // 2] = 1.0
+    response = np.abs(lowpass(one, cutoff, rate))
+    recorded = unfitted(recording, joint)
+    wound = recorded.wound(0.5 * PRESLIDING_SHARE * recorded.travel[1], 0.0)
+    unknown = (recording.turning(joint) | (np.abs(wound) < 1.0)).astype(float)
+    return np.concatenate(
+        [oaconvolve(unknown[piece], response, mode="same") for piece in recording.slices]
+    )
+
+
+def friction_of(model: Model, rows: Rows, joint: int) -> float:
+    """Return half of the step that a joint's torque makes where it turns, Nm or N.
+
+    Zero where it hardly moves by itself: what pushes a held joint to and fro is no friction.
+    """
+    recording = rows.recording
+    samples = rows.samples[joint]
+    coefficients = evaluate(model, rows).coefficients
+    rigid = recording.filtered(recording.rigid[:, [joint]])[samples, 0]
+    rubbing = recording.effort[samples, joint] - rigid
+    for term, own in model.split(coefficients):
+        if not term.rubs and joint in term.columns:
+            rubbing = rubbing - recording.filtered(kept_columns(term)[joint])[samples] @ own
+    slow = np.abs(recording.velocity[samples, joint]) < 0.25 * recording.top_speed[joint]
+    slow &= driven(recording, joint, samples)
+    sides = [
+        rubbing[slow & (sign * recording.velocity[samples, joint] > 0)] for sign in (1.0, -1.0)
+    ]
+    if min(len(side) for side in sides) * samples_step(samples) < MOVED * recording.rate:
+        return 0.0
+    return 0.5 * abs(float(np.median(sides[0]) - np.median(sides[1])))
+
+
+def driven(recording: Recording, joint: int, samples: np.ndarray) -> np.ndarray:
+    """Return which samples lie outside holds: there its motor moves the joint, (s,)."""
+    driven = np.ones(len(samples), dtype=bool)
+    for piece in recording.slices:
+        for hold in recording.held(joint, piece):
+            driven &= (samples < piece.start + hold.start) | (samples >= piece.start + hold.stop)
+    return driven
+
+
+def samples_step(samples: np.ndarray) -> int:
+    return int(np.median(np.diff(samples)))
