@@ -159,3 +159,23 @@ def test_what_a_declared_coupling_goes_by_is_chosen_again(first: float, right: f
     own = values_of(found, robot)
     expected = {"effort_share": -0.4} if right == EFFORT else {"stiffness": 0.8, "damping": 0.3}
     assert {name: own[name] for name in expected} == pytest.approx(expected, rel=0.02)
+
+
+def test_a_neighbour_that_is_only_held_couples_by_no_motion() -> None:
+    """It gave way by 0.1 mrad with the torque, and had a damping of 3000 Nm s/rad."""
+    robot = moving()
+    half = len(robot.time) // 2
+    first = (np.arange(len(robot.time)) < half)[:, None]
+    alone = np.where(first, [True, False, True], [False, True, False])
+    swaying = 1e-4 * np.sin(7.0 * robot.time)[:, None]
+    held = replace(
+        robot,
+        slices=[slice(0, half), slice(half, len(robot.time))],
+        trial=(~first[:, 0]).astype(int),
+        position=np.where(alone, robot.position, 0.3 + swaying),
+        velocity=np.where(alone, robot.velocity, 0.0),
+        cache={},
+    )
+    forms = {(theta["other_dof"], theta["by"]) for theta in COUPLING.thetas(unfitted(held, 0))}
+    assert (1.0, MOTION) not in forms and (1.0, ACCELERATION) not in forms
+    assert {(2.0, MOTION), (1.0, EFFORT)} <= forms

@@ -162,3 +162,29 @@ def test_a_stretch_that_the_model_explains_is_no_event(swinging: Recording) -> N
     fast = np.abs(moved.inverse[:, 1])[(TIME > 36.0) & (TIME < 36.8)].max()
     quiet = with_effort(moved, np.zeros(len(TIME)))
     assert fast > 20.0 * NOISE and find_events(Model(quiet), quiet) == ()
+
+
+def test_friction_that_sticks_where_a_joint_turns_is_no_event(swinging: Recording) -> None:
+    """As long as a position controller takes to turn the joint around, once longer than ever."""
+    friction, theta = BY_NAME["coulomb_friction"], {"smooth": 0.004}
+    bare = with_effort(swinging, np.zeros(len(TIME)))
+    sign = np.sign(bare.velocity[:, 1])
+    turn = int(np.flatnonzero((np.diff(sign) != 0) & (TIME[1:] > 30.0))[0])
+    stuck = 2.0 * sign
+    stuck[turn : turn + 4] = np.linspace(-2.0, 2.0, 4) * sign[turn + 4]
+    stuck[turn - 3 : turn] = 0.0
+    term = Term(
+        joint=1,
+        columns=friction.columns(unfitted(bare, 1), theta),
+        kept=(0,),
+        theta=theta,
+        effect=friction,
+    )
+    found = with_effort(swinging, stuck)
+    assert find_events(Model(found, terms=(term,)), found) == ()
+    # As much in the middle of a stroke is somebody's push.
+    fastest = turn + int(np.abs(bare.velocity[turn : turn + 60, 1]).argmax())
+    pushed_there = 2.0 * sign
+    pushed_there[fastest - 3 : fastest + 4] -= 2.0 * sign[fastest]
+    found = with_effort(swinging, pushed_there)
+    assert len(find_events(Model(found, terms=(term,)), found)) == 1

@@ -88,3 +88,17 @@ def test_friction_stays_though_nobody_knows_what_it_is_at_rest(recording: Record
     split = replace(split, effort=split.filtered(effort), cache={})
     found, notes = not_worse(*with_effect(split, "coulomb_friction", smooth=0.02))
     assert found.steps and not notes
+
+
+@pytest.mark.parametrize(("second", "stays"), [(1.0, True), (-0.6, False)])
+def test_without_held_out_trials_groups_that_are_left_out_refuse_an_effect(
+    second: float, stays: bool, recording: Recording
+) -> None:
+    split = halves(recording, second)
+    trials = tuple(replace(trial, role="fit") for trial in split.session.trials)
+    session = replace(split.session, trials=trials)
+    fitted = replace(split, session=session, fit_trials=(0, 1), cache={})
+    grown, declared, _ = with_effect(fitted, "torque_offset")
+    found, notes = not_worse(grown, declared, select_rows(fitted, (0, 1)))
+    assert bool(found.steps) is stays
+    assert bool(notes) is not stays

@@ -8,6 +8,8 @@ from analysis.closeloop.identification.arms.robot import traced_robot, weighed
 from analysis.closeloop.identification.balance.halves import lone_movers
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.uncertainty import partitions
+from analysis.closeloop.identification.tracing import trace
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.coupled import measured, moving
@@ -106,3 +108,23 @@ def test_friction_is_found_where_each_trial_moves_one_joint_alone() -> None:
     effects = ("coulomb_friction", "viscous_friction")
     wanted = {(name, joint) for name in effects for joint in range(3)}
     assert named(robot, robot.inverse + friction) == wanted
+
+
+def test_seconds_of_a_trial_that_alone_moves_a_joint_are_left_out_for_its_interval() -> None:
+    robot = first_joint_in(ALONE)
+    rows = select_rows(robot, robot.fit_trials)
+    left_out = partitions(rows)[0]
+    alone = rows.trial == ALONE
+    assert len(np.unique(left_out[~alone])) == TRIALS - 1
+    assert len(np.unique(left_out[alone])) == len(np.unique(rows.block[alone]))
+
+
+def test_of_four_trials_that_move_a_joint_each_friction_keeps_its_name() -> None:
+    """Each was found, and then dropped: without its trial its size might be anything."""
+    moves = np.eye(3, dtype=bool)[[0, 1, 2, 2]]
+    robot = in_trials(moves)
+    friction = 0.3 * np.tanh(robot.velocity / 0.01) + 0.2 * robot.velocity
+    loud = measured(robot, robot.inverse + friction)
+    found = trace(loud)
+    effects = ("coulomb_friction", "viscous_friction")
+    assert {step.key for step in found.steps} == {(n, j) for n in effects for j in range(3)}

@@ -1,0 +1,66 @@
+"""Where a joint sticks its friction is unknown: those rows say nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.sticking import friction_of, sliding, sticking
+from analysis.closeloop.session.recording import Recording
+from tests.testbed.sessions.moved import moved
+from tests.testbed.sessions.rich import ELBOW
+
+FRICTION, NOISE, RATE = 2.0, 0.05, 50.0
+TIME = np.arange(3000) / RATE
+
+
+def rubbing(recording: Recording, cycles_hz: float = 0.2) -> Recording:
+    """Return the elbow to and fro with Coulomb friction, its shoulder held."""
+    elbow = 1.0 + 0.5 * np.sin(2 * np.pi * cycles_hz * TIME)
+    plain = moved(recording, np.column_stack([np.zeros(len(TIME)), elbow]), RATE)
+    effort = np.full_like(plain.position, np.nan)
+    effort[:, ELBOW] = plain.inverse[:, ELBOW] + FRICTION * np.sign(plain.velocity[:, ELBOW])
+    return replace(plain, effort=plain.filtered(effort), cache={})
+
+
+def rows_of(recording: Recording, noise: float) -> tuple[Rows, Rows]:
+    """Return all rows, and those of which friction is known to within `noise`, Nm."""
+    rows = select_rows(recording, recording.fit_trials)
+    return rows, sliding(Model(recording), rows, {ELBOW: noise})
+
+
+def test_friction_is_half_of_the_step_where_a_joint_turns(recording: Recording) -> None:
+    slow = rubbing(recording)
+    rows = select_rows(slow, slow.fit_trials)
+    assert friction_of(Model(slow), rows, ELBOW) == pytest.approx(FRICTION, rel=0.1)
+
+
+def test_a_reversal_is_felt_as_long_as_the_low_pass_rings(recording: Recording) -> None:
+    slow = rubbing(recording)
+    reach = sticking(slow, ELBOW)
+    turn = int(np.argmin(np.abs(TIME - 1.25)))
+    period = round(slow.rate / slow.sampling.fit_cutoff)
+    assert 0.3 < reach[turn] < 1.3
+    assert reach[turn + 6 * period] < 1e-3 < reach[turn + 2 * period]
+
+
+def test_rows_around_reversals_go_where_friction_is_many_times_the_noise(
+    recording: Recording,
+) -> None:
+    rows, kept = rows_of(rubbing(recording), NOISE)
+    speed = np.abs(kept.recording.velocity[kept.samples[ELBOW], ELBOW])
+    assert 0.5 < len(kept.weight) / len(rows.weight) < 0.95
+    assert speed.min() > 0.05 * np.abs(rows.recording.velocity[:, ELBOW]).max()
+    assert set(np.unique(kept.block)) == set(range(int(kept.block.max()) + 1))
+
+
+def test_every_row_stays_where_friction_is_less_than_the_noise(recording: Recording) -> None:
+    rows, kept = rows_of(rubbing(recording), 3.0 * FRICTION)
+    assert len(kept.weight) == len(rows.weight)
+
+
+def test_of_a_joint_that_turns_all_the_time_half_of_the_rows_stay(recording: Recording) -> None:
+    rows, kept = rows_of(rubbing(recording, 2.0), 1e-6)
+    assert len(kept.weight) == pytest.approx(0.5 * len(rows.weight), rel=0.02)
