@@ -139,24 +139,44 @@ def in_band(errors: Sequence[TrialError], joint: int, band: float, rate: float) 
     return rms(np.concatenate(parts))
 
 
-def print_arm(title: str, folder: Path, out: Path) -> None:
-    """Close the loop on a session and print errors, names and payloads."""
-    recording = load_session(folder)
+def held_out_errors(
+    recording: Recording, residuals: Path, band: float
+) -> dict[str, tuple[float, float, float]]:
+    """Return the error of every joint in held-out trials, below `band` Hz, in its own unit.
+
+    As declared, of a least-squares fit, and with the loop closed.
+
+    Args:
+        recording: the session.
+        residuals: what its analysis wrote, `residuals.csv`.
+        band: in Hz.
+    """
     holdouts = tuple(
         number for number, trial in enumerate(recording.session.trials) if trial.role == "holdout"
     )
+    after = read_residuals(residuals, recording)
+    simple = raw_errors(recording, least_squares(recording), holdouts)
+    rate = recording.sampling.recorded
+    return {
+        recording.name(joint): (
+            in_band(after["before"], joint, band, rate),
+            in_band(simple, joint, band, rate),
+            in_band(after["after"], joint, band, rate),
+        )
+        for joint in recording.joints
+    }
+
+
+def print_arm(title: str, folder: Path, out: Path) -> None:
+    """Close the loop on a session and print errors, names and payloads."""
+    recording = load_session(folder)
     started = time.perf_counter()
     report = close_loop(folder, out)
     seconds = time.perf_counter() - started
-    after = read_residuals(out / "residuals.csv", recording)
-    fitted = raw_errors(recording, least_squares(recording), holdouts)
-    band, rate = BAND[title.split(",")[0]], recording.sampling.recorded
+    band = BAND[title.split(",")[0]]
     print(f"\n{title}: {report['verdict']}, {seconds:.0f} s", flush=True)
     print(f"  held-out error below {band:g} Hz: declared, least squares, closed loop")
-    for joint in recording.joints:
-        name = recording.name(joint)
-        errors = [after["before"], fitted, after["after"]]
-        values = [in_band(own, joint, band, rate) for own in errors]
+    for name, values in held_out_errors(recording, out / "residuals.csv", band).items():
         mark = "" if values[2] <= values[1] else "  WORSE than least squares"
         names = [e["name"] for e in report["effects"] if e["joint"] == name]
         print(

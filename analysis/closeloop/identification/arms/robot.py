@@ -53,8 +53,6 @@ from analysis.closeloop.identification.nameable import lowest
 from analysis.closeloop.identification.presliding import only_presliding
 from sim.effects.catalogue import BY_NAME
 
-#: A standard deviation over the median of sizes.
-SPREAD = 1.4826
 #: What every joint of a robot may have.
 ORDINARY = ("torque_offset", "viscous_friction", "coulomb_friction", "added_inertia")
 
@@ -127,13 +125,7 @@ def weighed(declared: Model, rows: Rows) -> Rows:
     links = links_of(declared.recording)
     model = with_ordinary(declared, rows)
     fit = WholeFit(model, rows, links)
-    residual = fit.with_links(range(len(model.terms))).left
-    noise = {
-        joint: SPREAD * float(np.median(np.abs(residual[part] / rows.weight[part])))
-        for joint, part in rows.parts.items()
-        if part.stop > part.start
-    }
-    rows = sliding(model, rows, noise)
+    rows = sliding(model, rows, fit.with_links(range(len(model.terms))).left / rows.weight)
     for _ in range(2):
         fit = WholeFit(model, rows, links)
         left = fit.with_links(range(len(model.terms)))

@@ -11,6 +11,7 @@ from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import analyse, close_loop
 from analysis.closeloop.report.confirmation import simulate
 from analysis.closeloop.session.recording import Recording
+from benchmarks.closeloop.arms import BAND, held_out_errors
 from tests.testbed.sessions.recordings import measured_folder, write_elbows, write_emps, write_ur10e
 
 MEASURED = measured_folder()
@@ -113,3 +114,18 @@ def test_stiction_of_a_still_arm_is_no_event_and_says_nothing_of_the_model(tmp_p
     report = analyse(tmp_path).report
     assert report["verdict"] == "not_identifiable"
     assert report["unexplained"] == {} and "no joint moves" in report["warnings"][0]
+
+
+def test_no_joint_of_a_real_arm_is_predicted_worse_than_by_least_squares(tmp_path: Path) -> None:
+    # Rows in which a joint turns were left out once, and with them how its friction turns.
+    assert MEASURED is not None
+    roles = {"pair_unloaded": "fit", "pair_loaded": "fit", "unloaded_20s_10harm": "fit"}
+    roles["unloaded_20s_7harm"] = "holdout"
+    write_ur10e(tmp_path, MEASURED, roles, load="pair_loaded")
+    report = close_loop(tmp_path, tmp_path / "out")
+    residuals = tmp_path / "out" / "residuals.csv"
+    errors = held_out_errors(load_session(tmp_path), residuals, BAND["UR10e"])
+    assert [name for name, (_, simple, closed) in errors.items() if closed > 0.95 * simple] == []
+    # Weighed, not fitted: 2.805 kg (Mamedov and Mikhel 2020).
+    low, high = report["declared"][0]["parameters"]["mass"]["ci90"]
+    assert low < 2.805 < high
