@@ -11,6 +11,10 @@ large, and a row that is drawn twice agrees with itself. Halves count the varian
 twice, as the jackknife does (Efron and Stein 1981, The jackknife estimate of variance), and more
 often if more is taken off for the bias of half the rows than of all; the bootstrap counts it two or
 three times. Permuting the output says how large the part is, in all rows and in half of them.
+
+How much of a weak factor's index is chance depends on how large the index is. An index that came
+out small seems to be all chance, and its interval is too short, where that is told at its value;
+so it is told at the ends, each of which is what the index would be (Wilson 1927).
 """
 
 from collections.abc import Callable
@@ -27,6 +31,8 @@ Index = Callable[[Array, Array], Array]
 #: Cuts in two, samples drawn with replacement, and permutations of the output: a standard error
 #: from so few is 18 % off.
 CUTS = RESAMPLES = PERMUTATIONS = 16
+#: Of the width in which an end lies, until it is known to nine digits.
+_HALVINGS = 30
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,3 +103,22 @@ def half_width(spread: Spread, by_chance: Array, level: float, seen: float = 2.0
     left = np.maximum(variance - (seen - 1.0) * by_chance, variance / seen)
     half: Array = -stdtrit(spread.freedom, (1.0 - level) / 2.0) * np.sqrt(left)
     return half
+
+
+def by_score(half: Callable[[Array], Array], value: Array, widest: Array) -> tuple[Array, Array]:
+    """Return the ends from which a value is half the width that they have away (Wilson 1927).
+
+    Args:
+        half: half the width of an interval around what the index would be.
+        value: of the index, shape (factors,).
+        widest: what `half` is at most, and stands for it where that is nan.
+    """
+    ends = []
+    for sign in (-1.0, 1.0):
+        near, far = np.zeros_like(value), widest
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (near + far)
+            within = ~(middle > half(value + sign * middle))
+            near, far = np.where(within, middle, near), np.where(within, far, middle)
+        ends.append(value + sign * far)
+    return ends[0], ends[1]

@@ -21,6 +21,7 @@ from analysis.given.intervals import (
     by_bootstrap,
     by_chance,
     by_halves,
+    by_score,
     half_width,
 )
 from analysis.given.pawn import SLICES, pawn
@@ -109,6 +110,8 @@ class Measure:
     #: a share of what it is of a factor that does nothing where all the output is noise. None: it
     #: is counted once already, or cannot be told apart from what a weak factor does.
     rest: Callable[[Array, Array], Array] | None
+    #: Whether that is told at the ends of an interval, where the index would be, not at the value.
+    score: bool = False
     #: How often the output is permuted to tell that, and whether it is in halves of the sample too,
     #: where more is taken off for a bias than of all rows.
     permutations: int = PERMUTATIONS
@@ -140,11 +143,10 @@ class Measure:
         value = self.index(x, y)
         spread = self.spread(self.index, x, y, rng)
         nothing = np.zeros_like(value)
-        chance, added, seen = Chance(mean=nothing, variance=nothing), nothing, 2.0
+        chance, seen = Chance(mean=nothing, variance=nothing), 2.0
         if self.rest is not None:
             # A permuted output varies as the output does.
             chance = by_chance(self._at(x), y, rng, self.permutations)
-            added = chance.variance * self.rest(value, chance.mean)
         half = rng.permutation(len(y))[: len(y) // 2]
         if self.of_halves and np.ptp(y[half]) > 0.0:
             of_half = by_chance(self._at(x[half]), y[half], rng, self.permutations)
@@ -152,10 +154,18 @@ class Measure:
             # each would take as many times the permutations.
             of_all = max(chance.variance.sum(), 1e-300)
             seen = max(0.5 * float(of_half.variance.sum()) / of_all, 1.0)
-        half_length = half_width(spread, added, level, seen)
-        low = value - half_length
+
+        def half_if(true: Array) -> Array:
+            """Return half the width of an interval around an index that is `true`."""
+            share = nothing if self.rest is None else self.rest(true, chance.mean)
+            return half_width(spread, chance.variance * share, level, seen)
+
+        if self.score:
+            low, high = by_score(half_if, value, half_width(spread, nothing, level))
+        else:
+            low, high = value - half_if(value), value + half_if(value)
         low = low if self.least is None else np.maximum(low, self.least)
-        return Found(value=value, low=low, high=value + half_length, chance=chance.mean)
+        return Found(value=value, low=low, high=high, chance=chance.mean)
 
     def _at(self, x: Array) -> Callable[[Array], Array]:
         return self.at(x) if self.at else partial(self.index, x)
@@ -201,6 +211,7 @@ MEASURES = (
         index=unless_still(delta),
         spread=by_bootstrap,
         rest=_beside,
+        score=True,
         most_rows=2_000,
         least=0.0,
         biased=True,

@@ -13,11 +13,14 @@ from SALib.analyze import hdmr as salib_hdmr
 from SALib.analyze import pawn as salib_pawn
 from SALib.analyze import rbd_fast as salib_rbd_fast
 from scipy.signal import periodogram
+from scipy.special import ndtri
+from scipy.stats import binomtest
 
 from analysis.given import hdmr, measures
 from analysis.given.answer import analyse
 from analysis.given.hsic import hsic
-from analysis.given.intervals import Spread, by_halves, half_width
+from analysis.given.intervals import Spread, by_halves, by_score, half_width
+from analysis.given.measures import MEASURES
 from analysis.given.reading import read_sheet
 from analysis.given.refusals import GivenError
 from tests.testbed.given import ROWS, ishigami, written
@@ -188,6 +191,37 @@ def test_what_chance_adds_is_counted_once_and_is_all_of_the_variance_at_most() -
     # Seen two and a half times in the variance, it is one part of two and a half.
     half = half_width(spread, added, 0.9, seen=2.5)
     assert half**2 / half[0] ** 2 == pytest.approx([1.0, 0.625, 0.4])
+
+
+def test_score_intervals_of_shares_are_those_of_scipy() -> None:
+    counts, rows = [1, 4, 9], 40
+
+    def half(true: Any) -> Any:
+        share = np.clip(true, 0.0, 0.5)
+        return ndtri(0.95) * np.sqrt(share * (1.0 - share) / rows)
+
+    low, high = by_score(half, np.array(counts) / rows, np.ones(3))
+    expected = [binomtest(k, rows).proportion_ci(0.9, method="wilson") for k in counts]
+    assert low == pytest.approx([one.low for one in expected], abs=1e-8)
+    assert high == pytest.approx([one.high for one in expected], abs=1e-8)
+
+
+def test_where_chance_is_unknown_nothing_is_taken_off_and_an_unknown_index_has_no_ends() -> None:
+    value, chance = np.array([0.5, 0.5, np.nan]), np.array([0.0, np.nan, 0.0])
+    low, high = by_score(lambda true: 0.1 + chance, value, np.full(3, 0.2))
+    assert low == pytest.approx([0.4, 0.3, np.nan], nan_ok=True)
+    assert high == pytest.approx([0.6, 0.7, np.nan], nan_ok=True)
+
+
+def test_a_delta_no_larger_than_chance_may_be_that_of_a_weak_factor() -> None:
+    # Its interval is longer to where chance is a smaller part of what is found.
+    x = np.random.default_rng(3).random((128, 6))
+    delta = next(measure for measure in MEASURES if measure.name == "delta")
+    found = delta.estimate(x, x[:, 0], 0.9, np.random.default_rng(3))
+    above, below = found.high - found.value, found.value - found.low
+    assert above[0] == pytest.approx(below[0], rel=0.01)
+    small = 1 + int(np.argmin(found.value[1:]))
+    assert found.value[small] < found.chance[small] and above[small] > 1.1 * below[small]
 
 
 def test_every_measure_has_an_interval_and_says_what_it_assumes(answered: Any) -> None:
