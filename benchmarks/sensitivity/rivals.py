@@ -150,8 +150,8 @@ def _designed(rows: int) -> Iterator[Line]:
         return np.asarray(found["shapley_normalized"])
 
     for kind, kept, note in (
-        (ShapleyEffects, VALUES, "without intervals, as theirs"),
-        (ShapleyEffects, WITH_INTERVALS, "with intervals; theirs without any"),
+        (ShapleyEffects, VALUES, "values alone; theirs with intervals"),
+        (ShapleyEffects, WITH_INTERVALS, "with intervals, as theirs"),
         (estimator_class("shapley"), WITH_ALL, "with full and independent indices" + _AND_ALL),
     ):
         yield Line(

@@ -15,6 +15,7 @@ from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import MIN_GAIN, MIN_Z
 from analysis.closeloop.identification.balance.model import Given, Model, evaluate, prediction
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.sticking import sliding
 from analysis.closeloop.session.recording import Recording
 
 #: Joints agree within so many standard errors, or within this share of the time.
@@ -35,6 +36,8 @@ def synchronised(recording: Recording) -> tuple[Recording, str]:
     if len(rows.joints) < 2 or recording.limbs:
         return recording, ""
     model = with_ordinary(declared_model(recording, rows), rows)
+    # Where friction turns, later than any model of it, its steps would tell the time.
+    rows = sliding(model, rows, _residual(model, rows) / rows.weight)
     before = evaluate(model, rows)
     rates = _rates(model, before.coefficients)
     found = [_time(model, rows, joint, rates[:, [joint]]) for joint in rows.joints]
@@ -87,6 +90,12 @@ def later(recording: Recording, seconds: float) -> Recording:
         acceleration=acceleration + seconds * jerk,
         cache={},
     )
+
+
+def _residual(model: Model, rows: Rows) -> np.ndarray:
+    """Return what the fitted model leaves of every row, in units of its weight, (r,)."""
+    left: np.ndarray = model.target(rows) - model.base(rows)[0] @ evaluate(model, rows).coefficients
+    return left
 
 
 def _rates(model: Model, coefficients: np.ndarray) -> np.ndarray:

@@ -46,6 +46,17 @@ def test_else_the_recording_stays_as_it_is(times: tuple[float, float], why: str)
     assert synchronised(arm) == (arm, ""), why
 
 
+def test_friction_that_turns_late_does_not_hide_the_time_of_a_log() -> None:
+    """A controller takes a while to turn a joint, which sticks meanwhile."""
+    arm = logged((1.0 * MS, 1.0 * MS))
+    sticks = np.roll(np.sign(arm.velocity), round(0.03 * arm.rate), axis=0)
+    rubbing = replace(arm, effort=arm.effort + arm.filtered(2.0 * sticks), cache={})
+    there, _ = synchronised(rubbing)
+    moved = there.position[:, ELBOW] - arm.position[:, ELBOW]
+    truth = later(arm, 1.0 * MS).position[:, ELBOW] - arm.position[:, ELBOW]
+    assert moved == pytest.approx(truth, abs=0.15 * np.abs(truth).max())
+
+
 def test_of_a_limb_nothing_is_said() -> None:
     """Its one joint agrees with itself: a delay of its drive is no matter of the log."""
     arm = logged((1.0 * MS, 1.0 * MS))
