@@ -1,12 +1,18 @@
-"""One wrong motor constant that was taken for the ordinary effects of a joint, or for a load."""
+"""One wrong motor constant that was taken for the ordinary effects of a joint, or for a load.
+
+About an upright axis inertia and friction are all that a motor has to do, and a gain is the same as
+other inertia and friction: then both are said.
+"""
 
 from analysis.closeloop.identification.arms.agreed import SHARED
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.candidates import tried_alone
+from analysis.closeloop.identification.findings import Option
+from analysis.closeloop.identification.selection import EQUAL_SHARE
 from sim.effects.catalogue import BY_NAME
 
-GAIN = BY_NAME["torque_gain"]
+GAIN, INERTIA = BY_NAME["torque_gain"], BY_NAME["added_inertia"]
 
 
 def with_gains(model: Model, rows: Rows) -> Model:
@@ -46,3 +52,27 @@ def _instead(model: Model, rows: Rows, gone: list[Candidate], gain: Candidate) -
     changed, score = found
     better, error = compare(evaluate(model, rows).losses, score.losses)
     return changed if better > (error if len(gone) == 1 else -error) else model
+
+
+def alike(option: Option, rest: Model, rows: Rows) -> tuple[Option, ...]:
+    """Return inertia in the place of a gain, or a gain in that of inertia, if it does as well.
+
+    Args:
+        option: what was found.
+        rest: its model without it.
+        rows: the samples to fit.
+    """
+    twins = {GAIN: INERTIA, INERTIA: GAIN}
+    effect, joint = twins.get(option.candidate.effect), option.candidate.joint
+    if effect is None or not effect.applies(rest.recording, joint):
+        return ()
+    twin = Candidate(effect=effect, joint=joint)
+    found = None if twin.key in _keys(rest) else tried_alone(rest, rows, twin)
+    if found is None:
+        return ()
+    model, score = found
+    lost, error = compare(score.losses, option.score.losses)
+    if lost > max(error, EQUAL_SHARE * option.gain):
+        return ()
+    gain, error = compare(evaluate(rest, rows).losses, score.losses)
+    return (Option(candidate=twin, model=model, score=score, gain=gain, z=gain / error),)

@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED, nested_z, sure
-from analysis.closeloop.identification.arms.gains import with_gains
+from analysis.closeloop.identification.arms.gains import alike, with_gains
 from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
@@ -306,8 +306,6 @@ def _steps(
         gain, error = compare(without.losses[own], score.losses[own])
         option = Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
         before = float(without.losses[own].sum())
-        found = rare.get(candidate.key)
-        if found is None:
-            yield _step(option, before)
-        else:
-            yield replace(found, taken=option, before=before)
+        found = rare.get(candidate.key, _step(option, before))
+        equals = (*found.equals, *alike(option, rest, rows))
+        yield replace(found, taken=option, before=before, equals=equals)

@@ -12,6 +12,7 @@ from analysis.closeloop.identification.arms.zeros import with_zeros
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.session.recording import Recording
+from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 
 ZERO = "position_offset"
@@ -50,6 +51,23 @@ def test_a_gain_stands_for_the_inertia_and_friction_that_do_the_same_together() 
     model = with_gains(with_ordinary(Model(arm), rows), rows)
     own = {candidate.effect.name for candidate in model.effects if candidate.joint == ELBOW}
     assert own == {"torque_gain"}
+
+
+@pytest.mark.parametrize(("gravity", "said"), [(0.0, {"torque_gain"}), (-9.81, set())])
+def test_without_gravity_more_inertia_may_as_well_be_a_gain(gravity: float, said: set[str]) -> None:
+    rich = rich_recording()
+    rich.device.spec.option.gravity = [0.0, 0.0, gravity]
+    time = np.arange(6000) / 200.0
+    swings = 0.4 * np.sin(2.0 * np.pi * 0.7 * time) * np.sin(2.0 * np.pi * 0.05 * time)
+    still = moved(rich, np.column_stack([0.0 * time, 1.0 + swings]), 200.0)
+    effort = np.array(still.inverse)
+    effort[:, ELBOW] += 0.02 * still.acceleration[:, ELBOW]
+    arm = arm_of(effort, still)
+    rows = select_rows(arm, (0,))
+    found = traced_robot(Model(arm), weighed(Model(arm), rows), lambda _: None)
+    (step,) = found.steps
+    assert step.key == ("added_inertia", ELBOW)
+    assert {other.candidate.effect.name for other in step.equals} == said
 
 
 def test_inertia_that_a_motor_has_is_no_gain() -> None:
