@@ -31,11 +31,13 @@ def with_share(model: Model, rows: Rows, links: Links, *, links_free: bool) -> M
     fit = WholeFit(model, rows, links)
     every = range(len(model.terms))
     alone, block = fit.alone(every), fit.with_links(every)
-    best = min(fit.loads(), key=lambda load: load.loss, default=None)
+    # Of two links as good, the one that a joint speaks against is not it.
+    loads = [load for load in fit.loads() if shared_by_joints(alone, load, rows)]
+    best = min(loads, key=lambda load: load.loss, default=None)
     block_wins = links_free and shared_by_joints(alone, block, rows)
     if any(candidate.effect.name in SHARED for candidate in model.effects):
         block_wins = block_wins and alone.loss - block.loss > MIN_LATER_GAIN * alone.loss
-    load_wins = best is not None and shared_by_joints(alone, best, rows)
+    load_wins = best is not None
     if not (block_wins or load_wins):
         return model
     # Friction that winds up leaves torque at the ends of movements, as wrong links do.
@@ -68,7 +70,10 @@ def _loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
         theta=theta,
         candidate=Candidate(effect=PLACED, joint=joint),
     )
-    return with_independent(model, term, rows)
+    *others, hung = with_independent(model, term, rows).terms
+    told = (0, *(axis + 1 for axis in load.told))
+    kept = tuple(column for column in hung.kept if column in told)
+    return replace(model, terms=(*others, replace(hung, kept=kept)))
 
 
 def with_links(model: Model, links: Links, change: np.ndarray) -> Model:

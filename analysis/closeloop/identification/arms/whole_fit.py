@@ -29,6 +29,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.session.link_torque import carriers
+from sim.effects.laws.inertia import LEAST_LOAD
 from sim.effects.rigid import point_mass, point_mass_slopes
 
 #: How much more than one second's rows the declared links may count, firmest first.
@@ -46,11 +47,12 @@ class Fitted:
     #: Held-out residual of every row, (r,), and its square over every block, (blocks,).
     left: np.ndarray
     losses: np.ndarray
-    #: Number of the link that carries a payload, its place, and its coefficients: mass, and mass
-    #: times how far it lies from that place.
+    #: Number of the link that carries a payload, its place, its mass, and along which of the
+    #: link's axes the rows tell the place.
     link: int | None = None
     place: np.ndarray | None = None
-    load: np.ndarray | None = None
+    mass: float = 0.0
+    told: tuple[int, ...] = ()
 
     @property
     def loss(self) -> float:
@@ -178,49 +180,76 @@ class WholeFit:
         return every[:, : self.size, : self.size]
 
     def with_load(self, terms: Sequence[int], number: int) -> Fitted:
-        """Fit some terms and one load on link `number`: where it hangs by all rows."""
+        """Fit some terms and one load on link `number`: where it hangs by all rows.
+
+        Along an axis that they do not tell it stays where the link's own mass is. Else it would
+        drift to where its inertia stands for that of a motor.
+        """
         own = np.arange(PARAMETERS) + self.size + PARAMETERS * number
         index = self.columns_of(terms)
         place = self.links.declared[number, 1:4] / self.links.declared[number, 0]
-        lower = np.concatenate([self.lower[index], [0.0, -np.inf, -np.inf, -np.inf]])
+        told = self._told(self._turn(index, own, place, range(3)), self.reach(number))
+        lower = np.concatenate([self.lower[index], [0.0], np.full(len(told), -np.inf)])
         for _ in range(PLACE_STEPS):
-            turn = self._turn(index, own, place)
-            found = solve(turn.T @ self.total @ turn, lower)
-            step = PLACED.way(dict(enumerate(found[-4:].tolist())))
+            turn = self._turn(index, own, place, told)
+            mass, *ways = solve(turn.T @ self.total @ turn, lower)[len(index) :].tolist()
+            kept = (0, *(axis + 1 for axis in told))
+            step = PLACED.way(dict(zip(kept, (mass, *ways), strict=True)))
             place = place + step
             if np.linalg.norm(step) < PLACE_TOLERANCE:
                 break
-        turn = self._turn(index, own, place)
+        turn = self._turn(index, own, place, told)
 
         def fit(gram: np.ndarray) -> np.ndarray:
             return np.asarray(turn[:-1, :-1] @ solve(turn.T @ gram @ turn, lower))
 
         scored = self._scored(np.arange(self.table.shape[1] - 1), fit)
-        load = solve(turn.T @ self.total @ turn, lower)[-4:]
-        return replace(scored, link=number, place=place, load=load)
+        mass = float(solve(turn.T @ self.total @ turn, lower)[len(index)])
+        return replace(scored, link=number, place=place, mass=mass, told=told)
+
+    def _told(self, turn: np.ndarray, reach: float) -> tuple[int, ...]:
+        """Return along which axes the place of a load is told to better than the arm's reach, m.
+
+        As if the rows of one second were one observation.
+        """
+        gram = turn.T @ self.total @ turn
+        mass = float(solve(gram, np.full(len(gram) - 1, -np.inf))[-4])
+        second = len(self.rows.weight) / (int(self.rows.block.max()) + 1)
+        variance = second * np.diag(inverse_of(gram[:-1, :-1]))[-3:]
+        told = (variance > 0.0) & (np.sqrt(variance) < reach * max(mass, LEAST_LOAD))
+        return tuple(np.flatnonzero(told).tolist())
+
+    def reach(self, number: int) -> float:
+        """Return how far from the frame of link `number` the arm reaches, m."""
+        recording = self.model.recording
+        return recording.reach(carriers(recording.device.model, self.links.bodies[number])[0])
 
     def loads(self) -> list[Fitted]:
         """Fit every term and one load on each link in turn; those that could be a load.
 
         It has a mass, and hangs where the arm could reach.
         """
-        every, recording, found = range(len(self.model.terms)), self.model.recording, []
-        for number, body in enumerate(self.links.bodies):
+        every, found = range(len(self.model.terms)), []
+        for number in range(len(self.links.bodies)):
             fitted = self.with_load(every, number)
-            assert fitted.load is not None and fitted.place is not None
-            reach = recording.reach(carriers(recording.device.model, body)[0])
-            if fitted.load[0] > 0.0 and np.linalg.norm(fitted.place) <= reach:
+            assert fitted.place is not None
+            if fitted.mass > 0.0 and np.linalg.norm(fitted.place) <= self.reach(number):
                 found.append(fitted)
         return found
 
-    def _turn(self, index: np.ndarray, own: np.ndarray, place: np.ndarray) -> np.ndarray:
-        """Return what makes of the table's columns those of some terms, a load and the target."""
-        turn = np.zeros((self.table.shape[1], len(index) + 5))
+    def _turn(
+        self, index: np.ndarray, own: np.ndarray, place: np.ndarray, told: Sequence[int]
+    ) -> np.ndarray:
+        """Return what makes of the table's columns those of some terms, a load and the target.
+
+        Of the load its mass, and mass times how far it lies from `place` along the axes `told`.
+        """
+        turn = np.zeros((self.table.shape[1], len(index) + 1 + len(told) + 1))
         turn[index, np.arange(len(index))] = 1.0
-        turn[own, -5] = point_mass(place)
-        turn[own, -4:-1] = point_mass_slopes(place)
+        turn[own, len(index)] = point_mass(place)
+        turn[own, len(index) + 1 : -1] = point_mass_slopes(place)[:, list(told)]
         turn[-1, -1] = 1.0
-        return turn[:, [*range(len(index)), -5, -4, -3, -2, -1]]
+        return turn
 
     def _scored(self, index: np.ndarray, fit: Callable[[np.ndarray], np.ndarray]) -> Fitted:
         """Fit the Gram matrices without each fold, then all: `fit` gives one per column."""
