@@ -23,7 +23,7 @@ from analysis.closeloop.identification.arms.gains import alike, with_gains
 from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
-from analysis.closeloop.identification.arms.zeros import with_zeros
+from analysis.closeloop.identification.arms.zeros import for_offsets, with_zeros
 from analysis.closeloop.identification.balance.declared import declared_again, placed
 from analysis.closeloop.identification.balance.luck import (
     MIN_GAIN,
@@ -98,6 +98,7 @@ def _traced(
     model = with_share(with_zeros(model, rows, links), rows, links, links_free=links_free)
     progress("friction and inertia of every joint")
     model = with_gains(without_presliding(pruned(model, rows, links), rows), rows)
+    model = for_offsets(model, rows)
     for joint in rows.joints:
         name = declared.recording.name(joint)
         progress(f"{name}: what else")

@@ -6,11 +6,13 @@ from analysis.closeloop.identification.arms.agreed import shared_by_joints
 from analysis.closeloop.identification.arms.links import Links
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
-from analysis.closeloop.identification.balance.regression import Rows, Score
+from analysis.closeloop.identification.balance.regression import Rows, Score, compare
 from analysis.closeloop.identification.candidates import tried_alone
 from sim.effects.catalogue import BY_NAME
 
 ZERO = BY_NAME["position_offset"]
+#: What a zero does where a trial moves one joint and holds the others.
+IMITATE = ("torque_offset", "torque_gain", "added_inertia")
 
 
 def with_zeros(model: Model, rows: Rows, links: Links) -> Model:
@@ -29,6 +31,22 @@ def with_zeros(model: Model, rows: Rows, links: Links) -> Model:
         if min((load.loss for load in loads), default=score.loss) < score.loss:
             return model
         model = best
+
+
+def for_offsets(model: Model, rows: Rows) -> Model:
+    """Put one wrong zero in the place of all offsets, gains and inertias, if it predicts as well.
+
+    Where a trial moves one joint, a wrong zero of another is an offset or a gain of the first, and
+    beside those it has nothing to show. In the place of a single one it has to predict better.
+    """
+    gone = [candidate for candidate in model.effects if candidate.effect.name in IMITATE]
+    bare = model.keeping(lambda candidate: candidate not in gone)
+    found = list(_zeros(bare, rows)) if gone else []
+    if not found:
+        return model
+    best, score = min(found, key=lambda pair: pair[1].loss)
+    better, error = compare(evaluate(model, rows).losses, score.losses)
+    return best if better > (error if len(gone) == 1 else -error) else model
 
 
 def _zeros(model: Model, rows: Rows) -> Iterator[tuple[Model, Score]]:

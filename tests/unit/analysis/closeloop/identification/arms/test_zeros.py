@@ -1,19 +1,26 @@
 """A wrong zero, and a wrong motor constant, before what imitates them."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms.gains import with_gains
 from analysis.closeloop.identification.arms.links import links_of
-from analysis.closeloop.identification.arms.robot import traced_robot, weighed, with_ordinary
-from analysis.closeloop.identification.arms.zeros import with_zeros
-from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.arms.robot import (
+    pruned,
+    traced_robot,
+    weighed,
+    with_ordinary,
+)
+from analysis.closeloop.identification.arms.zeros import IMITATE, for_offsets, with_zeros
+from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import ELBOW, rich_recording
+from tests.testbed.sessions.upright import joint_by_joint
 
 ZERO = "position_offset"
 
@@ -78,3 +85,24 @@ def test_inertia_that_a_motor_has_is_no_gain() -> None:
     rows = select_rows(arm, (0,))
     found = traced_robot(Model(arm), weighed(Model(arm), rows), lambda _: None)
     assert {step.key for step in found.steps} == {("added_inertia", ELBOW)}
+
+
+@pytest.mark.parametrize("zero", [0.03, 0.1])
+def test_a_zero_stands_for_the_offset_and_inertia_that_it_is_where_each_trial_moves_one_joint(
+    zero: float, tmp_path: Path
+) -> None:
+    arm = joint_by_joint(tmp_path, zero=zero)
+    rows = weighed(Model(arm), select_rows(arm, arm.fit_trials))
+    imitated = pruned(with_ordinary(Model(arm), rows), rows, links_of(arm))
+    assert {c.effect.name for c in imitated.effects} <= set(IMITATE)
+    found = for_offsets(imitated, rows)
+    assert [(c.effect.name, arm.name(c.joint)) for c in found.effects] == [(ZERO, "bend")]
+    assert evaluate(found, rows).coefficients == pytest.approx([zero], rel=0.1)
+
+
+def test_offsets_that_no_zero_explains_stay(tmp_path: Path) -> None:
+    arm = joint_by_joint(tmp_path)
+    arm = replace(arm, effort=arm.effort + np.array([0.3, -0.2, 0.25]), cache={})
+    rows = weighed(Model(arm), select_rows(arm, arm.fit_trials))
+    offsets = pruned(with_ordinary(Model(arm), rows), rows, links_of(arm))
+    assert for_offsets(offsets, rows) is offsets and len(offsets.effects) == 3
