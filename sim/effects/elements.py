@@ -52,6 +52,20 @@ def add_constant(spec: "mujoco.MjSpec", name: str, joint: str, torque: float) ->
     actuator.biasprm[0] = torque
 
 
+def without_applied(spec: "mujoco.MjSpec") -> list[tuple[str, str]]:
+    """Take out what `add_applied` and `add_constant` added; return names of effects and joints."""
+    found = []
+    for actuator in [*spec.actuators]:
+        if actuator.name.startswith(PREFIX):
+            joint = str(actuator.target)
+            found.append((actuator.name.removeprefix(PREFIX).removesuffix(f"_{joint}"), joint))
+            spec.delete(actuator)
+    for text in [*spec.texts]:
+        if text.name.startswith(PREFIX):
+            spec.delete(text)
+    return found
+
+
 def add_filter(spec: "mujoco.MjSpec", joint: str, time_constant: float) -> None:
     """Let the joint's motors lag behind their controls."""
     import mujoco

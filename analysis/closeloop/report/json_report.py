@@ -39,6 +39,7 @@ from analysis.closeloop.report.unexplained import (
     unexplained,
     untouched,
 )
+from analysis.closeloop.session.recording import Recording
 
 
 def json_report(outcome: Outcome) -> dict[str, Any]:
@@ -49,7 +50,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
     declared = declared_entries(found) + payload_entries(found.fits, found.rows)
     identified = identified_entries(outcome, impedance)
     unnamed = unnamed_load_entries(recording, outcome.loads)
-    warnings = list(found.notes)
+    warnings = [*_unread_effects(recording), *found.notes]
     if outcome.left_out:
         warnings.append(
             "no trial has the role holdout: the errors under holdout are those of each group "
@@ -92,6 +93,17 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
     }
     report_of: dict[str, Any] = finite(report)
     return report_of
+
+
+def _unread_effects(recording: Recording) -> list[str]:
+    """Say which effects of a model that an earlier session repaired are not in this one."""
+    left = [f"{name} of {joint}" for name, joint in recording.device.unread_effects]
+    if not left:
+        return []
+    return [
+        f"{recording.session.model} has effects that no session reads ({', '.join(left)}): "
+        "name them in declared_effects to have them fitted again"
+    ]
 
 
 def _errors(outcome: Outcome, errors: Errors, *, relative: bool) -> dict[str, Any]:

@@ -33,6 +33,8 @@ class Device:
 
     spec: mujoco.MjSpec
     ignored_joints: tuple[str, ...]
+    #: Effects and their joints that an earlier session wrote into the model, and that it left out.
+    unread_effects: tuple[tuple[str, str], ...] = ()
 
     @cached_property
     def model(self) -> mujoco.MjModel:

@@ -15,6 +15,7 @@ from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import SESSION_FILE, inside, read_text
 from intake.xml import XmlError, listed, parse_model
 from sim.assessment.nominal import nominal_spec
+from sim.effects.elements import without_applied
 
 MAX_MODEL_BYTES = 5_000_000
 #: m and kg: beyond, nothing that a joint moves is meant, and squares of it have no digits left.
@@ -49,7 +50,8 @@ def load_device(session: Session) -> Device:
         spec = nominal_spec(height_m=session.height_m, mass_kg=session.mass_kg)
     else:
         spec = _read_model(inside(session.folder, session.model, field_name="model"), session.model)
-    device = Device(spec=spec, ignored_joints=session.ignored_joints)
+    unread = tuple(without_applied(spec))
+    device = Device(spec=spec, ignored_joints=session.ignored_joints, unread_effects=unread)
     try:
         joint_types = device.model.jnt_type
     except ValueError as error:
@@ -140,6 +142,11 @@ def _read_model(path: Path, name: str) -> mujoco.MjSpec:
             raise SessionError(
                 f"<{element.tag}> needs an external file; draw with primitive geoms", file=name
             )
+    for custom in root.iter("text"):
+        # MuJoCo reads it as character data alone, which ElementTree does not keep apart.
+        if custom.text and "data" not in custom.attrib:
+            custom.set("data", custom.text)
+            custom.text = None
     try:
         return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     except ValueError as error:

@@ -15,8 +15,10 @@ import pytest
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.closeloop.loop import analyse, close_loop
 from sim.effects.applied import AppliedEffects
+from sim.effects.elements import add_applied, add_constant
 from tests.testbed.sessions.closed import closed_without_page, closed_without_pictures
 from tests.testbed.sessions.effects import Arm
+from tests.testbed.sessions.small import Folder
 from tests.testbed.sessions.synthetic import write_session
 
 SEED = 3
@@ -122,6 +124,22 @@ def test_what_a_reflex_adds_is_not_taken_for_an_asymmetry_of_friction(tmp_path: 
         "coulomb_friction",
         "stretch_reflex",
     }
+
+
+def test_a_repaired_model_serves_a_later_session_and_says_what_that_leaves_out(
+    tmp_path: Path,
+) -> None:
+    folder = Folder(tmp_path)
+    spec = mujoco.MjSpec.from_string(folder.model)
+    add_applied(spec, "torque_ripple", "elbow", {"sine": 0.3, "cosine": 0.1, "order": 14.0})
+    add_constant(spec, "torque_offset", "elbow", -0.4)
+    folder.model = spec.to_xml()
+    report = analyse(folder.write()).report
+    assert report["verdict"] == "adequate"
+    assert report["warnings"][0] == (
+        "device.xml has effects that no session reads (torque_ripple of elbow, torque_offset of "
+        "elbow): name them in declared_effects to have them fitted again"
+    )
 
 
 def test_an_effect_without_a_native_element_runs_as_an_applied_torque(tmp_path: Path) -> None:
