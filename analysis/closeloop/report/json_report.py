@@ -29,7 +29,7 @@ from analysis.closeloop.report.shared import (
     link_values,
     of_unnamed_loads,
     payload_entries,
-    undetermined_places,
+    undetermined_loads,
     unnamed_load_entries,
 )
 from analysis.closeloop.report.unexplained import (
@@ -82,7 +82,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *undecided(impedance),
             *off_by_form(found, impedance),
             *without_value(declared),
-            *undetermined_places(declared),
+            *undetermined_loads(declared),
             *refused_values(effects),
             *undetermined(effects),
             *of_gravity(recording, effects),

@@ -25,6 +25,13 @@ GAINS = (
     "the mass scales with the gains that turned currents into efforts: gains that are 1 % too "
     "large make it 1 % too large; its place does not change"
 )
+#: An interval that is so many times the device's reach has numbers that mean nothing.
+UNTOLD = 100.0
+#: Of a load whose moments are told and whose mass comes out as none.
+WEIGHTLESS = (
+    "these trials show its moments, and no mass fits them: it holds what is wrong of the links; "
+    "close the loop without its trials first, and take that session's model_after.xml as the model"
+)
 
 
 def link_parameters(model: Model, rows: Rows) -> dict[str, Any]:
@@ -186,15 +193,25 @@ def _payloads(
         value = mass_and_place(model, term, own[None])[0]
         half = spread.of_term(number, own, partial(mass_and_place, model, term))
         mass = float(value[0]) if value[0] > NO_MASS else 0.0
+        felt = bool(np.any(np.abs(own) > spread.of_term(number, own, lambda fits: fits)))
         found[term.load.name, term.load.body] = {
-            "mass": {
-                "value": mass,
-                "ci90": [float(max(mass - half[0], 0.0)), float(mass + half[0])],
-                "unit": "kg",
-            },
+            "mass": payload_mass(mass, float(half[0]), felt=felt),
             "position": place_entry(value, half, term.kept, model.recording.reach(term.joint)),
         }
     return found
+
+
+def payload_mass(mass: float, half: float, *, felt: bool) -> dict[str, Any]:
+    """Return the entry of a payload's mass: null where it is none and its moments are not.
+
+    Args:
+        mass: kg.
+        half: of its interval, kg.
+        felt: whether these trials show the load at all.
+    """
+    if felt and mass == 0.0:
+        return {"value": None, "ci90": None, "unit": "kg", "refused": WEIGHTLESS}
+    return {"value": mass, "ci90": [max(mass - half, 0.0), mass + half], "unit": "kg"}
 
 
 def place_entry(
@@ -210,12 +227,14 @@ def place_entry(
     """
     low, high = value - half, value + half
     none = "the load may have no mass"
-    unknown = dict.fromkeys((1, 2, 3), none) if low[0] <= 0.0 else {}
+    unknown = dict.fromkeys((1, 2, 3), none) if low[0] <= NO_MASS else {}
     for number, name in enumerate(PLACE, start=1):
         if number in unknown:
             continue
         if number not in felt:
             unknown[number] = f"{name}: no joint feels it"
+        elif high[number] - low[number] > UNTOLD * reach:
+            unknown[number] = f"{name}: these trials do not tell it"
         elif high[number] - low[number] > 2.0 * reach:
             unknown[number] = (
                 f"{name}: its 90 % interval, {low[number]:.2g} to {high[number]:.2g} m, is wider "
@@ -233,10 +252,14 @@ def place_entry(
     return entry | ({"refused": "; ".join(dict.fromkeys(unknown.values()))} if unknown else {})
 
 
-def undetermined_places(entries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a warning for every declared payload whose place these trials do not determine."""
-    return [
-        f"payload {entry['name']}: not every coordinate of its place is determined ({why})"
-        for entry in entries
-        if (why := entry["parameters"].get("position", {}).get("refused"))
-    ]
+def undetermined_loads(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a warning for every declared payload whose mass or place is not determined."""
+    warnings = []
+    for entry in entries:
+        if why := entry["parameters"].get("mass", {}).get("refused"):
+            warnings.append(f"payload {entry['name']}: its mass is not determined ({why})")
+        elif why := entry["parameters"].get("position", {}).get("refused"):
+            warnings.append(
+                f"payload {entry['name']}: not every coordinate of its place is determined ({why})"
+            )
+    return warnings

@@ -24,7 +24,11 @@ from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.arms.zeros import for_offsets, with_zeros
-from analysis.closeloop.identification.balance.declared import declared_again, placed
+from analysis.closeloop.identification.balance.declared import (
+    declared_again,
+    hung_again,
+    placed,
+)
 from analysis.closeloop.identification.balance.luck import (
     MIN_GAIN,
     MIN_LATER_GAIN,
@@ -96,6 +100,7 @@ def _traced(
     found: dict[tuple[str, int], Step] = {}
     progress("what the joints share")
     model = with_share(with_zeros(model, rows, links), rows, links, links_free=links_free)
+    model = hung_again(model, rows)
     progress("friction and inertia of every joint")
     model = with_gains(without_presliding(pruned(model, rows, links), rows), rows)
     model = for_offsets(model, rows)
@@ -184,7 +189,7 @@ def with_ordinary(model: Model, rows: Rows) -> Model:
             model = min(choices, key=lambda choice: _misfit(choice, rows, joint))
         # Alone, declared Coulomb friction that turns slowly is viscous friction, too.
         model = declared_again(model, rows, partial(_misfit, rows=rows, joint=joint), of=joint)
-    return model
+    return hung_again(model, rows)
 
 
 def _misfit(model: Model, rows: Rows, joint: int) -> float:

@@ -10,8 +10,9 @@ from analysis.closeloop.report.shared import (
     mass_entry,
     moments_entry,
     of_unnamed_loads,
+    payload_mass,
     place_entry,
-    undetermined_places,
+    undetermined_loads,
 )
 
 
@@ -38,6 +39,7 @@ def test_a_mass_that_is_known_has_an_interval() -> None:
         # As of an arm that moves in a plane.
         (0.50, (0.01, 0.02, 0.00, 0.02), (0, 1, 3), (True, False, True), "no joint feels it"),
         (0.50, (0.01, 0.02, 0.02, 0.90), (0, 1, 2, 3), (True, True, False), "than the device"),
+        (0.50, (0.01, 0.02, 0.02, 2e7), (0, 1, 2, 3), (True, True, False), "do not tell it"),
         # A few grams, beside the noise: 0 to 17 g.
         (0.005, (0.012, 0.9, 0.0, 1.0), (0, 1, 3), (False,) * 3, "may have no mass"),
         # None at all: its place is a quotient by nothing.
@@ -52,8 +54,19 @@ def test_a_payload_has_a_place_only_where_the_trials_say_one(
     assert tuple(way is not None for way in found["value"]) == known
     assert tuple(interval is not None for interval in found["ci90"]) == known
     entry = {"name": "tool", "parameters": {"position": found}}
-    said = undetermined_places([entry, {"name": "friction", "parameters": {}}])
+    said = undetermined_loads([entry, {"name": "friction", "parameters": {}}])
     assert len(said) == bool(why) and why in " ".join(said)
+
+
+def test_a_payload_that_is_felt_and_weighs_nothing_has_no_mass() -> None:
+    """As of a surgical robot whose links were made up: 0.205 kg would have been 0 to 0.012 kg."""
+    refused = payload_mass(0.0, 0.012, felt=True)
+    assert refused["value"] is None and refused["ci90"] is None
+    (said,) = undetermined_loads([{"name": "weight", "parameters": {"mass": refused}}])
+    assert "payload weight: its mass is not determined" in said and "model_after.xml" in said
+    # A load that is not there weighs nothing, and that is known.
+    assert payload_mass(0.0, 0.012, felt=False)["ci90"] == [0.0, 0.012]
+    assert payload_mass(0.16, 0.03, felt=True)["ci90"] == pytest.approx([0.13, 0.19])
 
 
 @pytest.mark.parametrize(("half", "said"), [(0.02, "0.6 kg (0.58 to 0.62)"), (0.7, "0.12 kg m")])
