@@ -31,6 +31,12 @@ def inspect(
             help="What you know better, as 'column 14=elbow.effort*11.976'; repeat.",
         ),
     ] = None,
+    rate: Annotated[
+        float | None,
+        optional(
+            metavar="HZ", min=1e-3, max=1e6, help="Samples a second of a log without a clock."
+        ),
+    ] = None,
     out: Annotated[Path | None, optional(metavar="DIR", help="Write a first session here.")] = None,
     model: Annotated[
         Path | None, optional(metavar="FILE", help="The robot's MJCF or URDF, for the session.")
@@ -42,13 +48,13 @@ def inspect(
     """
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.logs.draft import assigned, joint_names, joints_in, write_session
-    from analysis.closeloop.logs.inspection import believe
+    from analysis.closeloop.logs.inspection import believe, of_rates
     from analysis.closeloop.logs.reading import read_log
 
     try:
         with needs_extra(file.name, "logs"), refusing(SessionError):
             log = read_log(file)
-            beliefs, named = assigned(believe(log), known or ())
+            beliefs, named = assigned(believe(log, rate), known or ())
             joints = joint_names(beliefs, joints_in(model) if model else ())
             joints = [named.get(number, name) for number, name in enumerate(joints)]
             left = write_session(out, file.stem, beliefs, joints, model) if out else []
@@ -56,7 +62,7 @@ def inspect(
         raise typer.BadParameter(str(error)) from None
     rows = [_row(belief, joints) for belief in beliefs]
     clocks = _clocks(beliefs)
-    remarks = [*log.remarks, *left]
+    remarks = [*log.remarks, *([] if rate else of_rates(log, beliefs)), *left]
     return Answer(
         {"kind": log.kind, "clocks": clocks, "channels": rows, "remarks": remarks},
         lambda: _print(log.kind, clocks, rows, [*remarks, *([str(out)] if out else [])]),

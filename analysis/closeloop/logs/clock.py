@@ -76,3 +76,11 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
             if other != at and beliefs[other].quantity == "time":
                 beliefs[other] = replace(beliefs[other], quantity="unknown", why="a second clock")
         return
+
+
+def set_rate(beliefs: list[Belief], group: list[int], rate_hz: float) -> None:
+    """Give channels of one length, which have no clock, samples that follow each other evenly."""
+    time = np.arange(float(len(beliefs[group[0]].channel.values))) / rate_hz
+    for at in group:
+        belief = beliefs[at]
+        beliefs[at] = replace(belief, channel=replace(belief.channel, time=time))

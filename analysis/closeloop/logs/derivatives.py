@@ -8,10 +8,13 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from analysis.closeloop.logs.belief import CHAIN, Belief, is_nameless
+from analysis.closeloop.logs.clock import set_rate
 from analysis.closeloop.logs.log import Numbers
 
 #: A least correlation of a channel with the derivative of another.
 ALIKE = 0.9
+#: The same where no clock says what the factor should be.
+SURELY_ALIKE = 0.98
 #: How far a factor between derivative and velocity may be off.
 FACTOR_TOLERANCE = 0.15
 #: What a velocity times the factor is a derivative of: position unit, velocity unit.
@@ -20,21 +23,21 @@ FACTORS: Sequence[tuple[float, str, str]] = (
     (180 / pi, "rad", "deg/s"),
     (pi / 180, "deg", "rad/s"),
 )
+#: How far the rates that several pairs say may be apart, and from a usual one, over the rate.
+RATES_TOLERANCE = 0.02
+#: Usual rates of logs, over a power of ten, Hz.
+USUAL = (1.0, 1.25, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)
+#: Fewest samples that are compared.
+FEWEST = 50
 #: Least share of numbers among a channel's samples, to compare it with others.
 MOSTLY = 0.5
 
 
 def find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
     """Find positions, velocities and accelerations: each is the derivative of the one before."""
-    moving = [
-        at
-        for at in group
-        if beliefs[at].quantity in CHAIN
-        or (beliefs[at].quantity == "unknown" and is_nameless(beliefs[at].channel))
-    ]
-    moving = [at for at in moving if np.mean(np.isfinite(beliefs[at].channel.values)) > MOSTLY]
+    moving = _moving(beliefs, group)
     time = beliefs[group[0]].channel.time
-    if time is None or len(moving) < 2 or len(time) < 50:
+    if time is None or len(moving) < 2 or len(time) < FEWEST:
         return
     alike, factor = _compared(time, [beliefs[at].channel.values for at in moving])
     has_derivative: set[int] = set()
@@ -63,6 +66,45 @@ def find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
         )
     for i in has_derivative - is_derivative:
         _name_chain(beliefs, moving[i])
+
+
+def find_rate(beliefs: list[Belief], group: list[int]) -> None:
+    """Give channels without a clock the one that makes signals the derivatives of others.
+
+    Positions and velocities without a clock differ by its rate, Hz. One pair could be alike by
+    chance, or be of other units; several that say the same rate are not.
+    """
+    moving = _moving(beliefs, group)
+    samples = len(beliefs[group[0]].channel.values)
+    if beliefs[group[0]].channel.time is not None or len(moving) < 4 or samples < FEWEST:
+        return
+    count = np.arange(float(samples))
+    alike, factor = _compared(count, [beliefs[at].channel.values for at in moving])
+    best = np.argmax(alike, axis=1)
+    mutual = np.argmax(alike, axis=0)[best] == np.arange(len(best))
+    sure = mutual & (alike.max(axis=1) >= SURELY_ALIKE)
+    rates = factor[sure, best[sure]]
+    rate = float(np.median(rates)) if len(rates) else 0.0
+    agreed = int(np.sum(np.abs(rates - rate) <= RATES_TOLERANCE * rate))
+    if agreed < 2 or 2 * agreed <= len(rates):
+        return
+    whole = 10.0 ** np.floor(np.log10(rate)) * np.array(USUAL)
+    nearest = float(whole[np.argmin(np.abs(whole - rate))])
+    rate = nearest if abs(nearest - rate) <= RATES_TOLERANCE * rate else rate
+    set_rate(beliefs, group, rate)
+
+
+def _moving(beliefs: list[Belief], group: list[int]) -> list[int]:
+    """Return the channels that may be positions or their derivatives."""
+    return [
+        at
+        for at in group
+        if (
+            beliefs[at].quantity in CHAIN
+            or (beliefs[at].quantity == "unknown" and is_nameless(beliefs[at].channel))
+        )
+        and np.mean(np.isfinite(beliefs[at].channel.values)) > MOSTLY
+    ]
 
 
 def _compared(time: Numbers, values: Sequence[Numbers]) -> tuple[Numbers, Numbers]:

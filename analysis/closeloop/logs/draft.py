@@ -162,7 +162,8 @@ def write_session(
     time = next(b.channel.time for name, b in taken.items() if name.endswith(".position"))
     if time is None:
         raise SessionError(
-            "no clock is known: name its channel, as in 'column 1=time*0.001'", file=stem
+            "no clock is known: name its channel, as in 'column 1=time*0.001', or give --rate",
+            file=stem,
         )
     remarks = []
     for name, belief in list(taken.items()):

@@ -5,15 +5,15 @@ derivative of a position is a velocity, and the factor between them tells degree
 numbers cannot tell (a torque from a current, radians from degrees of a small motion) keeps a "?".
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import pi
 
 import numpy as np
 
 from analysis.closeloop.logs.belief import Belief, by_name
-from analysis.closeloop.logs.clock import find_clock
-from analysis.closeloop.logs.derivatives import find_derivatives
+from analysis.closeloop.logs.clock import find_clock, set_rate
+from analysis.closeloop.logs.derivatives import find_derivatives, find_rate
 from analysis.closeloop.logs.log import Log
 
 SI: Mapping[str, float] = {"deg": pi / 180, "deg/s": pi / 180, "mm": 1e-3, "mA": 1e-3}
@@ -21,8 +21,13 @@ SI: Mapping[str, float] = {"deg": pi / 180, "deg/s": pi / 180, "mm": 1e-3, "mA":
 TURNS = 4 * pi
 
 
-def believe(log: Log) -> list[Belief]:
-    """Return what each channel of the log is taken for, in the log's order."""
+def believe(log: Log, rate_hz: float | None = None) -> list[Belief]:
+    """Return what each channel of the log is taken for, in the log's order.
+
+    Args:
+        log: what a file holds.
+        rate_hz: at which channels without a clock were recorded, if that is known.
+    """
     beliefs = [by_name(channel) for channel in log.channels]
     groups: dict[object, list[int]] = {}
     for at, belief in enumerate(beliefs):
@@ -31,11 +36,31 @@ def believe(log: Log) -> list[Belief]:
         groups.setdefault(key, []).append(at)
     for group in groups.values():
         find_clock(beliefs, group)
+        if rate_hz is None:
+            find_rate(beliefs, group)
+        elif beliefs[group[0]].channel.time is None:
+            set_rate(beliefs, group, rate_hz)
         find_derivatives(beliefs, group)
     _find_blocks(beliefs)
     _find_units(beliefs)
     _number_joints(beliefs)
     return beliefs
+
+
+def of_rates(log: Log, beliefs: Sequence[Belief]) -> list[str]:
+    """Say of a log without a clock at which rate it seems to be, and how to say another, Hz."""
+    times = [
+        belief.channel.time
+        for channel, belief in zip(log.channels, beliefs, strict=True)
+        if channel.time is None
+    ]
+    if any(belief.quantity == "time" for belief in beliefs) or all(t is None for t in times):
+        return []
+    rates = sorted({1.0 / float(time[1]) for time in times if time is not None})
+    return [
+        f"no channel is a clock; velocities over the differences of positions say "
+        f"{', '.join(f'{rate:.4g} Hz' for rate in rates)}: if that is wrong, give --rate"
+    ]
 
 
 def _find_units(beliefs: list[Belief]) -> None:

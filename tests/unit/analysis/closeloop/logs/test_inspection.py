@@ -7,7 +7,7 @@ import pytest
 
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.clock import clock_of
-from analysis.closeloop.logs.inspection import believe
+from analysis.closeloop.logs.inspection import believe, of_rates
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.reading import read_log
 
@@ -185,3 +185,43 @@ def test_what_has_another_name_is_no_joint() -> None:
         time=m["time"], temperature=20 + m["position"][:, 0], warming=m["velocity"][:, 0]
     )
     assert {found["temperature"].quantity, found["warming"].quantity} == {"unknown"}
+
+
+def clockless(path: Path, *, twist: float = 1.0) -> Path:
+    """Write positions, velocities and efforts of two joints at 200 Hz, without a clock."""
+    m = motion()
+    velocity = m["velocity"] * np.array([1.0, twist])
+    table = np.column_stack([m["position"], velocity, 2 * m["position"] + m["velocity"]])
+    np.savetxt(path, table, delimiter=",", fmt="%.6f")
+    return path
+
+
+def test_velocities_tell_the_rate_of_a_log_without_a_clock(tmp_path: Path) -> None:
+    log = read_log(clockless(tmp_path / "log.csv"))
+    beliefs = believe(log)
+    assert [b.quantity for b in beliefs] == [
+        *("position", "position", "velocity", "velocity", "effort", "effort")
+    ]
+    for belief in beliefs:
+        assert belief.channel.time is not None
+        assert clock_of(belief.channel.time).rate == pytest.approx(200.0)
+    (said,) = of_rates(log, beliefs)
+    assert "say 200 Hz" in said and "--rate" in said
+
+
+def test_pairs_that_say_other_rates_tell_none(tmp_path: Path) -> None:
+    log = read_log(clockless(tmp_path / "log.csv", twist=1.5))
+    beliefs = believe(log)
+    assert all(b.channel.time is None for b in beliefs) and of_rates(log, beliefs) == []
+
+
+def test_a_log_without_a_clock_has_the_rate_that_its_user_says(tmp_path: Path) -> None:
+    log = read_log(clockless(tmp_path / "log.csv", twist=1.5))
+    time = believe(log, rate_hz=125.0)[0].channel.time
+    assert time is not None and clock_of(time).rate == pytest.approx(125.0)
+
+
+def test_a_log_with_a_clock_keeps_it(tmp_path: Path) -> None:
+    log = read_log(headerless(tmp_path / "log.csv"))
+    beliefs = believe(log, rate_hz=50.0)
+    assert beliefs[0].quantity == "time" and of_rates(log, beliefs) == []
