@@ -210,7 +210,8 @@ def pruned(model: Model, rows: Rows, links: Links) -> Model:
     fit = WholeFit(replace(model, given=None), rows, links)
     scored = fit.with_links if free else fit.alone
     kept = list(range(len(model.terms)))
-    whole = scored(kept)
+    # Effects are asked for in what the best fit so far leaves: each of many may take a little.
+    whole = best = scored(kept)
     while True:
         weakest: dict[int, tuple[float, int]] = {}
         for number in kept:
@@ -218,14 +219,21 @@ def pruned(model: Model, rows: Rows, links: Links) -> Model:
             if term.candidate is None or term.candidate.effect.name in SHARED:
                 continue
             without = scored([other for other in kept if other != number])
-            share = _missed(without, whole, term.joint, rows)
-            if share is not None and share < weakest.get(term.joint, (np.inf,))[0]:
+            share = _missed(without, best, term.joint, rows)
+            if share is None or (free and _missed_elsewhere(without, best, term.joint, rows)):
+                continue
+            if share < weakest.get(term.joint, (np.inf,))[0]:
                 weakest[term.joint] = share, number
         if not weakest:
             break
         gone = {number for _, number in weakest.values()}
+        whole = scored([number for number in kept if number not in gone])
+        if free and any(_missed(whole, best, joint, rows) is None for joint in rows.joints):
+            # Links stand for what one joint lacks, and not for what all lack at once.
+            gone = {min(weakest.values())[1]}
+            whole = scored([number for number in kept if number not in gone])
         kept = [number for number in kept if number not in gone]
-        whole = scored(kept)
+        best = min(best, whole, key=lambda fitted: fitted.loss)
     model = replace(model, terms=tuple(model.terms[number] for number in kept))
     return placed(with_links(model, links, whole.links) if free else model, rows)
 
@@ -256,6 +264,12 @@ def _missed(without: Fitted, whole: Fitted, joint: int, rows: Rows) -> float | N
     block = np.unique(rows.block[part], return_inverse=True)[1]
     shown = nested_z(without.left[part], whole.left[part], block) > MIN_Z
     return None if shown or sure(worse, better, rows.fold_of_block[own]) else share
+
+
+def _missed_elsewhere(without: Fitted, whole: Fitted, joint: int, rows: Rows) -> bool:
+    """Whether other joints miss an effect of `joint`, whose place links take at their cost."""
+    others = (other for other in rows.joints if other != joint)
+    return any(_missed(without, whole, other, rows) is None for other in others)
 
 
 def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[str, int], Step]]:
