@@ -167,13 +167,12 @@ def held_out_errors(
     }
 
 
-def print_arm(title: str, folder: Path, out: Path) -> None:
-    """Close the loop on a session and print errors, names and payloads."""
+def print_arm(title: str, folder: Path, out: Path, band: float) -> None:
+    """Close the loop on a session and print errors below `band` Hz, names and payloads."""
     recording = load_session(folder)
     started = time.perf_counter()
     report = close_loop(folder, out)
     seconds = time.perf_counter() - started
-    band = BAND[title.split(",")[0]]
     print(f"\n{title}: {report['verdict']}, {seconds:.0f} s", flush=True)
     print(f"  held-out error below {band:g} Hz: declared, least squares, closed loop")
     for name, values in held_out_errors(recording, out / "residuals.csv", band).items():
@@ -185,6 +184,8 @@ def print_arm(title: str, folder: Path, out: Path) -> None:
         )
     for entry in report["declared"]:
         mass, place = (entry["parameters"][name] for name in ("mass", "position"))
+        if mass["value"] is None:
+            continue
         at = ", ".join("not known" if way is None else f"{way:.3f}" for way in place["value"])
         low, high = mass["ci90"]
         print(
@@ -249,7 +250,7 @@ def main() -> None:
     for title, write in sessions.items():
         with tempfile.TemporaryDirectory(prefix="rehyb-arms-") as name:
             write(Path(name) / "session")
-            print_arm(title, Path(name) / "session", Path(name) / "out")
+            print_arm(title, Path(name) / "session", Path(name) / "out", BAND[title.split(",")[0]])
 
 
 if __name__ == "__main__":
