@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given import layout
+from analysis.given.delta import kurtosis
 from analysis.given.dependence import related
 from analysis.given.hsic import hsic
-from analysis.given.measures import MEASURES, Measure
+from analysis.given.measures import MEASURES, Measure, standard
 from analysis.given.reading import read_sheet
 from analysis.given.sample import FEWEST_ROWS, Sample, choose, first_of_each
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
@@ -168,9 +169,7 @@ def _few_values(x: Array, factors: Sequence[str]) -> list[str]:
 
 def _heavy(name: str, y: Array) -> str:
     """Return the remark on an output whose variance few rows make up (Kish 1965), or nothing."""
-    if np.ptp(y) == 0.0:
-        return ""
-    heavy = float(np.mean(((y - y.mean()) / y.std()) ** 4))
+    heavy = kurtosis(y)
     if not (heavy > HEAVY and len(y) / heavy < ENOUGH_RUNS):
         return ""
     return (
@@ -205,14 +204,12 @@ def _of_sample(measure: Measure, x: Array, y: Array, factors: Sequence[str]) -> 
     x, y = x[: measure.most_rows], y[: measure.most_rows]
     if np.ptp(y) == 0.0:
         return {}
-    # No measure looks at units; numbers far from 1 may overflow or vanish on the way.
-    x, y = ((one - one.mean(axis=0)) / one.std(axis=0) for one in (x, y))
     found = measure.estimate(x, y, LEVEL, rng)
     columns = {"value": found.value, "low": found.low, "high": found.high}
     if measure.biased:
         columns["chance"] = found.chance
     if measure.name == "hsic":
-        columns["p_value"] = hsic(x, y).p_value
+        columns["p_value"] = hsic(standard(x), standard(y)).p_value
     return {
         factor: {name: number(column[f]) for name, column in columns.items()}
         for f, factor in enumerate(factors)

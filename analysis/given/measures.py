@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.given.delta import delta
+from analysis.given.delta import delta, in_scores
 from analysis.given.hdmr import PIECES, fewest_rows, hdmr, leave_out
 from analysis.given.hsic import r2_hsic
 from analysis.given.intervals import (
@@ -63,6 +63,16 @@ def unless_still(index: Callable[[Array, Array], Array]) -> Callable[[Array, Arr
         return index(x, y) if np.ptp(y) > 0.0 else np.zeros(x.shape[1])
 
     return of_what_varies
+
+
+def standard(columns: Array) -> Array:
+    """Return columns of mean 0 and deviation 1, which every measure is the same of.
+
+    Numbers far from 1 may overflow or vanish on the way. What does not vary becomes 0.
+    """
+    deviation = columns.std(axis=0)
+    scaled: Array = (columns - columns.mean(axis=0)) / np.where(deviation > 0.0, deviation, 1.0)
+    return scaled
 
 
 def _unexplained(value: Array, chance: Array) -> Array:
@@ -118,8 +128,11 @@ class Measure:
     of_halves: bool = False
     #: It grows with the square of the rows, or is slow: of more rows so many are drawn.
     most_rows: int
-    #: No index is below: of what only noise can be, an interval ends there.
+    #: No index is below, and none above: of what only noise can be, an interval ends there.
     least: float | None
+    most: float | None = None
+    #: Makes of factors and an output one of which the index is the same, and better told.
+    settled: Callable[[Array, Array], Array] | None = None
     #: An index of no influence is not 0: what it is, is found by permuting the output.
     biased: bool
     #: The index of any output of the same factors, if that takes less time.
@@ -140,6 +153,7 @@ class Measure:
             level: of the interval, between 0 and 1.
             rng: draws halves or resamples, and permutations.
         """
+        x, y = standard(x), standard(self.settled(x, y) if self.settled else y)
         value = self.index(x, y)
         spread = self.spread(self.index, x, y, rng)
         nothing = np.zeros_like(value)
@@ -165,6 +179,7 @@ class Measure:
         else:
             low, high = value - half_if(value), value + half_if(value)
         low = low if self.least is None else np.maximum(low, self.least)
+        high = high if self.most is None else np.minimum(high, self.most)
         return Found(value=value, low=low, high=high, chance=chance.mean)
 
     def _at(self, x: Array) -> Callable[[Array], Array]:
@@ -214,9 +229,13 @@ MEASURES = (
         score=True,
         most_rows=2_000,
         least=0.0,
+        most=1.0,
+        settled=in_scores,
         biased=True,
         assumes="the output has a density; is never 0 of a finite sample, so compare it with "
-        "`chance`; its interval says where another sample of as many rows would put it",
+        "`chance`; its interval says where another sample of as many rows would put it; of an "
+        "output whose variance few rows make up, or of which many have one value, it is told from "
+        "normal scores, which leave it as it is",
         source="Borgonovo 2007; Plischke, Borgonovo and Smith 2013 (SALib)",
     ),
     Measure(
@@ -227,6 +246,7 @@ MEASURES = (
         rest=_beside,
         most_rows=20_000,
         least=0.0,
+        most=1.0,
         biased=True,
         assumes=f"a factor's {SLICES} slices are thin enough to be one value of it; is never 0 of "
         "a finite sample, so compare it with `chance`; its interval says where another sample of "
