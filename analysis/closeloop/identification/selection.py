@@ -5,8 +5,8 @@ import numpy as np
 from analysis.closeloop.identification.balance.luck import (
     LARGE_GAIN,
     LEAST_BLOCKS,
-    MIN_TORQUE,
     comes_in_time,
+    least_gain,
     more_than_luck,
 )
 from analysis.closeloop.identification.balance.model import Model, unfitted
@@ -146,12 +146,8 @@ def matters(option: Option, current: Score, rows: Rows, *, in_form: bool = False
         rows: the samples that are fitted.
         in_form: whether no error of smoothing can have the option's form.
     """
-    joint = option.candidate.joint
-    least = MIN_TORQUE**2 * rows.effort_power(joint)
-    if in_form or takes_all(current.losses, option.score.losses):
-        # An error of smoothing has no other form that takes nearly all of it.
-        least = min(least, rows.smoothing_power(joint))
-    return option.gain > least
+    worse, better = current.losses, option.score.losses
+    return option.gain > least_gain(rows, option.candidate.joint, worse, better, in_form=in_form)
 
 
 def _told_twice(option: Option, model: Model, current: Score, rows: Rows) -> bool:

@@ -32,8 +32,8 @@ from analysis.closeloop.identification.balance.declared import (
 from analysis.closeloop.identification.balance.luck import (
     MIN_GAIN,
     MIN_LATER_GAIN,
-    MIN_TORQUE,
     MIN_Z,
+    least_gain,
 )
 from analysis.closeloop.identification.balance.model import (
     Candidate,
@@ -256,7 +256,7 @@ def _missed(without: Fitted, whole: Fitted, joint: int, rows: Rows) -> float | N
     own = rows.joint_of_block == joint
     worse, better = without.losses[own], whole.losses[own]
     gain = float((worse - better).sum())
-    least = max(MIN_GAIN * float(worse.sum()), MIN_TORQUE**2 * rows.effort_power(joint))
+    least = max(MIN_GAIN * float(worse.sum()), least_gain(rows, joint, worse, better))
     share = gain / max(float(worse.sum()), 1e-300)
     if gain <= least:
         return share

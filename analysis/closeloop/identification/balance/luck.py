@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import norm
 
-from analysis.closeloop.identification.balance.regression import compare, rank_z, takes_all
+from analysis.closeloop.identification.balance.regression import Rows, compare, rank_z, takes_all
 
 #: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
 MIN_Z = 4.0
@@ -28,6 +28,25 @@ MIN_LATER_GAIN = 0.2
 #: than that is what smoothing, or a joint that is not quite held, does to the declared torque. What
 #: takes nearly all that is left only has to exceed what smoothing does in these trials.
 MIN_TORQUE = 0.008
+
+
+def least_gain(
+    rows: Rows, joint: int, worse: np.ndarray, better: np.ndarray, *, in_form: bool = False
+) -> float:
+    """Return the least gain at a joint that is more than what smoothing does to its torque.
+
+    Args:
+        rows: the samples that are fitted.
+        joint: its number.
+        worse: losses of blocks, (blocks,).
+        better: the same under the other model.
+        in_form: whether no error of smoothing can have the form of what is between the two.
+    """
+    least = MIN_TORQUE**2 * rows.effort_power(joint)
+    if in_form or takes_all(worse, better):
+        # An error of smoothing has no other form that takes nearly all of it.
+        return min(least, rows.smoothing_power(joint))
+    return least
 
 
 def more_than_luck(

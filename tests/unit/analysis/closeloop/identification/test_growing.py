@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification import selection
+from analysis.closeloop.identification.balance import luck
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -161,7 +161,7 @@ def test_two_effects_that_hide_each_other_are_found_together(
 
     monkeypatch.setattr(steps, "choose", shy)
     if not matters:
-        monkeypatch.setattr(selection, "MIN_TORQUE", 2.0)
+        monkeypatch.setattr(luck, "MIN_TORQUE", 2.0)
     both = ["added_inertia", "viscous_friction"]
     assert names(rows, *both, "drift") == (both if matters else [])
 

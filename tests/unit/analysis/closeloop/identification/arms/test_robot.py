@@ -1,19 +1,24 @@
 """Robots of several joints: what every joint may have, beside what is rare."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms import robot
+from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.shared import with_links
+from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.model import Candidate, Model, Term, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
-from sim.effects.catalogue import BY_NAME
+from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from tests.testbed.sessions.coupled import measured, moving, traced
 from tests.testbed.sessions.rich import ELBOW, rich_recording
+from tests.testbed.sessions.upright import all_at_once
 
 
 def test_damping_that_a_ripple_hides_is_found_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -35,6 +40,31 @@ def test_damping_that_a_ripple_hides_is_found_beside_it(monkeypatch: pytest.Monk
         ("torque_ripple", ELBOW),
         ("viscous_friction", ELBOW),
     }
+
+
+@pytest.mark.parametrize("seed", [29, 32, 37])
+def test_friction_that_the_joints_together_show_stays(tmp_path: Path, seed: int) -> None:
+    """Links that are free take the place of one joint's friction, at the cost of the others."""
+    arm = all_at_once(tmp_path, seed)
+    rows, links = robot.weighed(Model(arm), select_rows(arm, arm.fit_trials)), links_of(arm)
+    model = robot.with_ordinary(Model(arm), rows)
+    found = WholeFit(model, rows, links).with_links(range(len(model.terms)))
+    kept = robot.pruned(with_links(model, links, found.links), rows, links).effects
+    names = ("viscous_friction", "coulomb_friction", "added_inertia")
+    true = {(name, joint) for name in names for joint in range(3)}
+    own = {candidate.key for candidate in kept} - {(LINK_INERTIA, 0)}
+    assert own <= true and len(own) >= len(true) - 1
+
+
+def test_damping_that_is_small_beside_the_weight_stays_where_nothing_else_is_left() -> None:
+    still = rich_recording(20)
+    effort = np.array(still.inverse)
+    effort[:, ELBOW] += 0.005 * still.velocity[:, ELBOW]
+    effort += 0.001 * np.random.default_rng(5).standard_normal(effort.shape)
+    arm = replace(still, effort=still.filtered(effort), cache={})
+    rows = robot.weighed(Model(arm), select_rows(arm, (0,)))
+    model = robot.pruned(robot.with_ordinary(Model(arm), rows), rows, links_of(arm))
+    assert [candidate.key for candidate in model.effects] == [("viscous_friction", ELBOW)]
 
 
 def test_beside_declared_damping_friction_may_be_less_and_inertia_may_not() -> None:
