@@ -25,6 +25,8 @@ MIN_SAMPLES = 50
 MOST_LEFT_OUT = 0.01
 #: Larger than seconds since 1970 and any torque or force.
 MAX_VALUE = 1e12
+#: `from` and `to` of a trial that is all of its file.
+WHOLE = (-np.inf, np.inf)
 
 
 def read_trial(
@@ -49,17 +51,19 @@ def read_trial(
         lines = np.arange(first, first + len(table))
     else:
         names, table, lines, repairs = _own_table(text, trial.file, joints, declared)
+    # What is not of the trial may be damaged.
+    if trial.span != WHOLE:
+        clock = table[:, names.index(TIME)]
+        within = (trial.span[0] <= clock) & (clock <= trial.span[1])
+        table, lines = table[within], lines[within]
     _check_values(table, names, lines, trial.file)
     once = _first_of_each(table, lines, trial.file, repairs)
     table, lines = table[once], lines[once]
     _check_time(table[:, names.index(TIME)], lines, trial.file)
-    within = (trial.span[0] <= table[:, names.index(TIME)]) & (
-        table[:, names.index(TIME)] <= trial.span[1]
-    )
-    table = table[within]
     if len(table) < MIN_SAMPLES:
         why = f"has {len(table)} samples{_between(trial)}; at least {MIN_SAMPLES} are needed"
-        raise SessionError(why, file=trial.file, line=len(table) + 1 if within.all() else None)
+        line = len(table) + 1 if trial.span == WHOLE else None
+        raise SessionError(why, file=trial.file, line=line)
     columns = {name: table[:, i] for i, name in enumerate(names) if name != TIME}
     return replace(trial, time=table[:, names.index(TIME)], columns=columns, repairs=tuple(repairs))
 
@@ -67,7 +71,7 @@ def read_trial(
 def _between(trial: Trial) -> str:
     """Return what part of its file a trial is, for an error."""
     low, high = trial.span
-    return "" if (low, high) == (-np.inf, np.inf) else f" from {low:g} to {high:g} s"
+    return "" if trial.span == WHOLE else f" from {low:g} to {high:g} s"
 
 
 def _own_table(
@@ -191,7 +195,11 @@ def _first_of_each(
 def _check_values(table: np.ndarray, names: list[str], lines: np.ndarray, file: str) -> None:
     for wrong, why in (
         (~np.isfinite(table), "not a finite number; remove the row (a gap is allowed)"),
-        (np.abs(table) > MAX_VALUE, "which nothing in SI units is at a joint"),
+        (
+            np.abs(table) > MAX_VALUE,
+            "which nothing in SI units is at a joint; leave damaged lines out by the trial's "
+            "from and to",
+        ),
     ):
         if wrong.any():
             row, column = np.argwhere(wrong)[0]

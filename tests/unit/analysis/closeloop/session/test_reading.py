@@ -80,6 +80,18 @@ def test_time_that_does_not_increase_is_found(folder: Folder) -> None:
     assert (error.column, error.line) == ("time", 502)
 
 
+def test_damaged_lines_outside_of_a_trial_do_not_matter(folder: Folder) -> None:
+    # The first lines of a real log of a UR10e with a load: stamps and angles of 1e154 and more.
+    folder.table[0, :] = 2.7e154
+    folder.table[1, 2] = -1.1e282
+    error = refusal(folder)
+    assert (error.column, error.line) == ("time", 2)
+    assert "leave damaged lines out by the trial's from and to" in str(error)
+    folder.session["trials"] = [{"file": "a.csv", "from": 0.01, "to": 20.0}]
+    (trial,) = load_session(folder.write()).session.trials
+    assert trial.time[0] == pytest.approx(0.01) and len(trial.time) == len(folder.table) - 2
+
+
 def test_milliseconds_are_refused(folder: Folder) -> None:
     folder.table[:, 0] *= 1000
     assert "milliseconds" in str(refusal(folder))
