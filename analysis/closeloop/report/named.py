@@ -144,14 +144,19 @@ def spans_nonsense(interval: Sequence[float], value: float, limits: Sequence[flo
 
 
 def _if_it_can_be(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a parameter without the limits it was held to, and without a value if it has none."""
+    """Return a parameter without the limits it was held to, and without a value if it has none.
+
+    Then `fitted` is what it is in the model whose errors are told, if that is what it can be.
+    """
     kept = {key: value for key, value in entry.items() if key not in ("free", "limits")}
     if "free" not in entry or not spans_nonsense(entry["free"], entry["value"], entry["limits"]):
         return kept
-    low, high = entry["free"]
+    (low, high), (least, most) = entry["free"], entry["limits"]
+    possible = least - ROUNDING <= entry["value"] <= most + ROUNDING
     return kept | {
         "value": None,
         "ci90": None,
+        "fitted": entry["value"] if possible else None,
         "refused": f"its 90 % interval, {low:.3g} to {high:.3g} {entry['unit']}, spans what it "
         "cannot be",
     }

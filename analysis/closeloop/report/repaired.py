@@ -45,8 +45,13 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
             continue
         values = {name: entry["value"] for name, entry in effect["parameters"].items()}
         name = effect["name"]
-        if None in values.values():
-            where = f"{name} of {effect['joint']}: {ALL}"
+        # An effect that was fitted beside others makes up the error with them, known or not.
+        unknown = [key for key, value in values.items() if value is None]
+        values |= {key: effect["parameters"][key].get("fitted") for key in unknown}
+        where = f"{name} of {effect['joint']}: {ALL}"
+        if unknown and None not in values.values():
+            warnings.append(f"model_after.xml has what was fitted of {where}")
+        elif unknown:
             if COULOMB not in BY_NAME[name].includes or values.get("torque") is None:
                 elements.append("none: not every parameter is determined")
                 warnings.append(f"model_after.xml lacks {where}")

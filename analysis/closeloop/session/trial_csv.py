@@ -62,8 +62,8 @@ def read_trial(
     _check_time(table[:, names.index(TIME)], lines, trial.file)
     if len(table) < MIN_SAMPLES:
         why = f"has {len(table)} samples{_between(trial)}; at least {MIN_SAMPLES} are needed"
-        line = len(table) + 1 if trial.span == WHOLE else None
-        raise SessionError(why, file=trial.file, line=line)
+        end = len(table) + 1 if trial.span == WHOLE else None
+        raise SessionError(why, file=trial.file, line=end)
     columns = {name: table[:, i] for i, name in enumerate(names) if name != TIME}
     return replace(trial, time=table[:, names.index(TIME)], columns=columns, repairs=tuple(repairs))
 

@@ -59,8 +59,9 @@ def payload(free: tuple[float, float]) -> dict[str, Any]:
     return {"name": "payload", "joint": "elbow", "parameters": {"mass": mass}}
 
 
-def test_a_refused_mass_has_no_value_and_is_not_in_the_model() -> None:
+def test_a_refused_mass_has_no_value_and_the_model_says_that_it_is_only_fitted() -> None:
     good, refused = payload((0.6, 0.8)), payload((-1.9, 3.3))
+    refused["parameters"]["distance"] = {"value": 0.2}
     assert good["parameters"]["mass"] == {"value": 0.7, "ci90": [0.6, 0.8], "unit": "kg"}
     mass = refused["parameters"]["mass"]
     assert mass["value"] is None and mass["ci90"] is None
@@ -75,9 +76,11 @@ def test_a_refused_mass_has_no_value_and_is_not_in_the_model() -> None:
         "effects": [refused],
     }
     xml, elements, warnings = repaired_model(device, report)
-    assert "lacks payload of elbow" in warnings[0] and elements[0].startswith("none")
+    (warning,) = warnings
+    assert warning.startswith("model_after.xml has what was fitted of payload of elbow")
     model = mujoco.MjModel.from_xml_string(xml)
-    assert model.body("forearm").mass[0] == pytest.approx(device.model.body("forearm").mass[0])
+    added = model.body_mass.sum() - device.model.body_mass.sum()
+    assert added == pytest.approx(0.7) and elements == [BY_NAME["payload"].element]
 
 
 def test_friction_whose_excess_is_not_determined_is_in_the_model_as_coulombs() -> None:
@@ -99,6 +102,31 @@ def test_friction_whose_excess_is_not_determined_is_in_the_model_as_coulombs() -
     assert elements == ["joint/@frictionloss"]
     model = mujoco.MjModel.from_xml_string(xml)
     assert model.dof_frictionloss[model.joint("elbow").dofadr[0]] == 0.7
+
+
+def test_what_was_fitted_beside_others_stays_in_the_model_though_trials_do_not_tell_it() -> None:
+    # The pitch of a surgical robot: asymmetric friction of which an offset takes a half.
+    device = Device(mujoco.MjSpec.from_string(mjcf(Arm())), ())
+    known = {"torque_positive": {"value": 0.3}}
+    unknown = {"torque_negative": {"value": None, "fitted": 0.1}}
+    effect = {
+        "name": "asymmetric_friction",
+        "joint": "elbow",
+        "parameters": known | unknown,
+    }
+    report = {
+        "declared": [],
+        "impedance": {},
+        "verdict": Verdict.EFFECT_FOUND,
+        "effects": [effect],
+    }
+    xml, _, (said,) = repaired_model(device, report)
+    assert said.startswith("model_after.xml has what was fitted of asymmetric_friction of elbow")
+    assert "'torque_negative': 0.1" in xml
+    # What cannot be is in no model.
+    unknown["torque_negative"]["fitted"] = None
+    xml, _, (said,) = repaired_model(device, report)
+    assert said.startswith("model_after.xml lacks") and "asymmetric" not in xml
 
 
 @pytest.mark.parametrize(
@@ -158,6 +186,7 @@ def test_what_no_column_gives_ends_where_it_means_something_or_has_no_value() ->
     assert unsure["ci90"][0] == 1e-3 < unsure["value"] < unsure["ci90"][1]
     assert unknown["value"] is None and unknown["ci90"] is None
     assert "spans what it cannot be" in unknown["refused"]
+    assert unknown["fitted"] == unsure["value"] and "fitted" not in unsure
 
 
 @pytest.mark.parametrize(
