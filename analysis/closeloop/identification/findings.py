@@ -96,6 +96,17 @@ class Step:
         return float(min(1.0, max(len(self.options), 1) * norm.sf(self.taken.z)))
 
 
+def exchanged(model: Model, taken: Candidate, option: Option) -> Model:
+    """Return a model with an effect that was taken replaced by an option's."""
+    rest = model.without(taken)
+    other = option.candidate
+    return replace(
+        rest,
+        terms=(*rest.terms, *(t for t in option.model.terms if t.candidate == other)),
+        channels=(*rest.channels, *(c for c in option.model.channels if c.candidate == other)),
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Trace:
     """What tracing found."""

@@ -21,6 +21,7 @@ from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Option, Step, Trace
+from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
 from analysis.closeloop.identification.growing.starts import regrown
 from analysis.closeloop.identification.growing.steps import Grown, grow
 from analysis.closeloop.identification.holding import determined, held_in_octaves
@@ -66,6 +67,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
             notes=(taken.refused,),
         )
     grown = regrown(grown, declared, rows, before, progress)
+    grown = with_wound_laws(grown, rows)
     if grown.steps and not limbs:
         grown = completed(grown, rows, before)
     grown, held = (grown, ()) if limbs else with_breakaway(grown, rows)

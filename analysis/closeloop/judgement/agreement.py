@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, impedances
+from analysis.closeloop.identification.balance.model import evaluate, impedances
 from analysis.closeloop.identification.balance.regression import Score, compare
-from analysis.closeloop.identification.findings import Option, Step, Trace
+from analysis.closeloop.identification.findings import Option, Step, Trace, exchanged
 
 #: Stiffnesses under two names that differ by less than this share are one.
 APART = 0.02
@@ -29,19 +29,8 @@ def alternatives(found: Trace) -> Iterator[tuple[Step, Option]]:
     model, _ = found.fit_of_steps
     for step in found.steps:
         for option in step.equals:
-            other = _exchanged(model, step.taken.candidate, option)
+            other = exchanged(model, step.taken.candidate, option)
             yield step, replace(option, model=other, score=evaluate(other, found.rows))
-
-
-def _exchanged(model: Model, taken: Candidate, option: Option) -> Model:
-    """Return the model with the effect that was taken replaced by an option's."""
-    rest = model.without(taken)
-    other = option.candidate
-    return replace(
-        rest,
-        terms=(*rest.terms, *(t for t in option.model.terms if t.candidate == other)),
-        channels=(*rest.channels, *(c for c in option.model.channels if c.candidate == other)),
-    )
 
 
 def agreed(found: Trace) -> Trace:

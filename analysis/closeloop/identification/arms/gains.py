@@ -9,10 +9,12 @@ from analysis.closeloop.identification.balance.model import Candidate, Model, ev
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option
+from analysis.closeloop.identification.nameable import one_way
 from analysis.closeloop.identification.selection import EQUAL_SHARE
 from sim.effects.catalogue import BY_NAME
 
 GAIN, INERTIA = BY_NAME["torque_gain"], BY_NAME["added_inertia"]
+COULOMB, OFFSET = BY_NAME["coulomb_friction"], BY_NAME["torque_offset"]
 
 
 def with_gains(model: Model, rows: Rows) -> Model:
@@ -57,13 +59,18 @@ def _instead(model: Model, rows: Rows, gone: list[Candidate], gain: Candidate) -
 def alike(option: Option, rest: Model, rows: Rows) -> tuple[Option, ...]:
     """Return inertia in the place of a gain, or a gain in that of inertia, if it does as well.
 
+    Of a joint that moves in one direction only, an offset in the place of friction, too.
+
     Args:
         option: what was found.
         rest: its model without it.
         rows: the samples to fit.
     """
+    joint = option.candidate.joint
     twins = {GAIN: INERTIA, INERTIA: GAIN}
-    effect, joint = twins.get(option.candidate.effect), option.candidate.joint
+    if one_way(rows, joint):
+        twins |= {COULOMB: OFFSET}
+    effect = twins.get(option.candidate.effect)
     if effect is None or not effect.applies(rest.recording, joint):
         return ()
     twin = Candidate(effect=effect, joint=joint)

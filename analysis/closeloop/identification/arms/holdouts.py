@@ -1,27 +1,37 @@
 """What samples that no fit has seen refuse: a repair that makes a joint worse."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED
-from analysis.closeloop.identification.balance.accuracy import left_out_errors
+from analysis.closeloop.identification.balance.accuracy import (
+    left_out_errors,
+    raw_errors,
+    settled,
+)
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.sticking import friction_of, sticking
-from analysis.closeloop.identification.findings import Step
+from analysis.closeloop.identification.balance.trial_error import TrialError
+from analysis.closeloop.identification.findings import Step, exchanged
 from analysis.closeloop.identification.growing.steps import Grown
 from analysis.closeloop.session.signals import rms
 
 #: By how much the error of a joint may grow: what no figure of a report shows.
 ROUNDING = 1e-3
+#: Errors of every joint, by one measure or more.
+Errors = dict[int, tuple[float, ...]]
 
 
 def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     """Take out effects until no joint is worse on the held-out trials than under what is declared.
 
-    Nothing is fitted to these trials, and nothing is added because of them. Without any, groups
-    that are left out stand for them, rests and all.
+    Nothing is fitted to these trials, and nothing is added because of them. Of names that the
+    fitted trials cannot tell apart they take one that no joint is worse with: a joint that is held
+    in another trial refutes an offset that looks like its friction. Without any, groups that are
+    left out stand for them, rests and all.
 
     Args:
         grown: the model with its effects.
@@ -37,11 +47,13 @@ def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[s
     before = errors(declared)
     notes = []
     while grown.steps:
-        after = errors(grown.model)
-        worse = [joint for joint in after if after[joint] > (1.0 + ROUNDING) * before[joint]]
+        worse = _worse(before, errors(grown.model))
         gone = _least(grown, worse)
         if gone is None:
             break
+        if other := _under_another_name(grown, gone, rows, lambda m: _worse(before, errors(m))):
+            grown = other
+            continue
         name, joint = gone.key
         where = ", ".join(rows.recording.name(joint) for joint in worse)
         notes.append(
@@ -54,29 +66,64 @@ def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[s
     return grown, tuple(notes)
 
 
-def _errors_by(models: tuple[Model, Model], rows: Rows) -> Callable[[Model], dict[int, float]]:
-    """Return what gives every joint's error, root mean square, in samples that no fit has seen."""
+def _worse(before: Errors, after: Errors) -> list[int]:
+    """Return the joints whose error grows by any measure."""
+    return [
+        joint
+        for joint, own in after.items()
+        if any(a > (1.0 + ROUNDING) * b for a, b in zip(own, before[joint], strict=True))
+    ]
+
+
+def _under_another_name(
+    grown: Grown, step: Step, rows: Rows, worse: Callable[[Model], list[int]]
+) -> Grown | None:
+    """Return what was found with one of a step's equals in its place that worsens nothing more."""
+    still = set(worse(grown.model)) - {step.taken.candidate.joint}
+    for option in step.equals:
+        model = exchanged(grown.model, step.taken.candidate, option)
+        if option.refused or not set(worse(model)) <= still:
+            continue
+        score = evaluate(model, rows)
+        taken = replace(option, model=model, score=score)
+        rest = tuple(o for o in step.equals if o is not option)
+        again = replace(step, taken=taken, equals=rest)
+        steps = tuple(again if s is step else s for s in grown.steps)
+        return Grown(model, score, steps)
+    return None
+
+
+def _errors_by(models: tuple[Model, Model], rows: Rows) -> Callable[[Model], Errors]:
+    """Return what gives every joint's error, root mean square, in samples that no fit has seen.
+
+    By the rows that a fit would have, and by whole trials, as far as no friction explains them.
+    """
     recording = rows.recording
     trials = recording.session.trials
     holdouts = tuple(number for number, trial in enumerate(trials) if trial.role == "holdout")
+    beyond = _beyond_friction(models[0], rows)
     if not holdouts:
-        return _of_left_out(models[0], rows)
+        return lambda model: beyond(left_out_errors(model, rows))
     # Where the joint rests, the motion does not say what friction is: no model is right there.
     rubs = any(term.rubs for model in models for term in model.terms)
     held = select_rows(
         recording, holdouts, rests=not rubs and not np.any(recording.device.friction)
     )
 
-    def of(model: Model) -> dict[int, float]:
-        left = model.target(held) - model.base(held)[0] @ evaluate(model, rows).coefficients
-        parts = held.parts.items()
-        return {joint: rms(left[part]) for joint, part in parts if part.stop > part.start}
+    def of(model: Model) -> Errors:
+        coefficients = evaluate(model, rows).coefficients
+        left = model.target(held) - model.base(held)[0] @ coefficients
+        whole = beyond(raw_errors(recording, settled(model, coefficients), holdouts))
+        return {
+            joint: (*own, rms(left[part]) if (part := held.parts[joint]).stop > part.start else 0.0)
+            for joint, own in whole.items()
+        }
 
     return of
 
 
-def _of_left_out(declared: Model, rows: Rows) -> Callable[[Model], dict[int, float]]:
-    """Return the same of raw samples of left-out groups, as far as no friction explains it.
+def _beyond_friction(declared: Model, rows: Rows) -> Callable[[list[TrialError]], Errors]:
+    """Return what gives errors of raw samples as far as no friction explains them.
 
     Where a joint sticks its friction may be anything to either side of it, and of any model.
     """
@@ -86,14 +133,15 @@ def _of_left_out(declared: Model, rows: Rows) -> Callable[[Model], dict[int, flo
         for joint in rows.joints
     }
 
-    def of(model: Model) -> dict[int, float]:
+    def of(errors: list[TrialError]) -> Errors:
         squares: dict[int, list[np.ndarray]] = {joint: [] for joint in rows.joints}
-        for error in left_out_errors(model, rows):
-            own = recording.trial == error.trial
-            known = np.interp(error.time, recording.time[own], doubt[error.joint][own])
-            squares[error.joint].append(np.maximum(np.abs(error.residual) - known, 0.0) ** 2)
+        for error in errors:
+            if error.joint in squares:
+                own = recording.trial == error.trial
+                known = np.interp(error.time, recording.time[own], doubt[error.joint][own])
+                squares[error.joint].append(np.maximum(np.abs(error.residual) - known, 0.0) ** 2)
         return {
-            joint: float(np.sqrt(np.concatenate(own).mean()))
+            joint: (float(np.sqrt(np.concatenate(own).mean())),)
             for joint, own in squares.items()
             if sum(map(len, own))
         }

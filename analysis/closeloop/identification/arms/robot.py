@@ -53,12 +53,14 @@ from analysis.closeloop.identification.balance.sticking import sliding
 from analysis.closeloop.identification.candidates import candidates, refined
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.growing.steps import Grown, grow
-from analysis.closeloop.identification.nameable import lowest
+from analysis.closeloop.identification.nameable import lowest, one_way
 from analysis.closeloop.identification.presliding import only_presliding
 from sim.effects.catalogue import BY_NAME
 
 #: What every joint of a robot may have.
 ORDINARY = ("torque_offset", "viscous_friction", "coulomb_friction", "added_inertia")
+#: The same of one that moves in one direction only, where an offset is what friction may be.
+ONE_WAY = ("coulomb_friction", "viscous_friction", "added_inertia", "torque_offset")
 
 
 def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Grown:
@@ -162,7 +164,7 @@ def with_ordinary(model: Model, rows: Rows) -> Model:
         for name in (candidate.effect.name, *candidate.effect.includes)
     }
     for joint in rows.joints:
-        for name in ORDINARY:
+        for name in ONE_WAY if one_way(rows, joint) else ORDINARY:
             effect = BY_NAME[name]
             if (name, recording.name(joint)) in declared or (name, joint) in there:
                 continue

@@ -85,9 +85,30 @@ def test_friction_stays_though_nobody_knows_what_it_is_at_rest(recording: Record
     effort = np.full_like(split.effort, np.nan)
     effort[:, ELBOW] = resting.inverse[:, ELBOW] + friction
     effort[620:970, ELBOW] += 0.4
-    split = replace(split, effort=split.filtered(effort), cache={})
+    trials = tuple(
+        replace(trial, columns={"elbow.effort": effort[part, ELBOW]})
+        for trial, part in zip(split.session.trials, split.slices, strict=True)
+    )
+    session = replace(split.session, trials=trials)
+    split = replace(split, effort=split.filtered(effort), session=session, cache={})
     found, notes = not_worse(*with_effect(split, "coulomb_friction", smooth=0.02))
     assert found.steps and not notes
+
+
+def test_a_held_joint_refutes_an_offset_and_leaves_the_friction_that_it_looks_like(
+    recording: Recording,
+) -> None:
+    # As the trapezoids of a Kinova Gen3, of which each moves one joint in one direction.
+    velocity = np.abs(recording.velocity)
+    velocity[500:] = 0.0
+    held = replace(recording, velocity=velocity, cache={})
+    grown, declared, rows = with_effect(halves(held, 0.0), "torque_offset")
+    (step,) = grown.steps
+    option = with_effect(rows.recording, "coulomb_friction", smooth=0.004)[0].steps[0].taken
+    grown = replace(grown, steps=(replace(step, equals=(option,)),))
+    found, notes = not_worse(grown, declared, rows)
+    assert [s.key[0] for s in found.steps] == ["coulomb_friction"] and not notes
+    assert found.score.coefficients == pytest.approx([1.0], abs=0.1)
 
 
 @pytest.mark.parametrize(("second", "stays"), [(1.0, True), (-0.6, False)])

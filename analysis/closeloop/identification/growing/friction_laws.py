@@ -1,0 +1,141 @@
+"""Which law of friction it is, asked where friction may wind up before it slides.
+
+Laws are told from each other by what friction does when slow, and there every one of them turns
+with the velocity while true friction winds up first. A law with more freedom makes up for that: it
+goes by the position, or differs between directions. And a peak at low speed (Stribeck) is not seen
+at all. So once friction has been found its laws are compared again, each free to wind up over
+presliding's way (`presliding.free_winding`), and the simplest of those that predict left-out rows
+as well as the best is taken.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    Term,
+    evaluate,
+    unfitted,
+    with_independent,
+)
+from analysis.closeloop.identification.balance.regression import Rows, Score, compare
+from analysis.closeloop.identification.candidates import has_ground
+from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.growing.steps import Grown
+from analysis.closeloop.identification.nameable import beyond_physics, lowest
+from analysis.closeloop.identification.presliding import TURNS, winding_freely
+from sim.effects.catalogue import EFFECTS
+from sim.effects.effect import Theta
+
+
+def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
+    """Return what was found, with the law of every joint's friction chosen where it may wind up.
+
+    What winds up as an effect of its own is left out where a law alone does as well.
+    """
+    for joint in {step.taken.candidate.joint for step in grown.steps}:
+        own = [s for s in grown.steps if s.taken.candidate.joint == joint]
+        own = [s for s in own if s.taken.candidate.effect.rubs]
+        sliding = [s for s in own if not s.taken.candidate.effect.winds]
+        rest = grown.model
+        for step in own:
+            rest = rest.without(step.taken.candidate)
+        if len(sliding) == 1:
+            grown = _chosen_again(grown, rest, sliding[0], own, rows)
+    return grown
+
+
+def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: Rows) -> Grown:
+    """Return what was found with one law in the place of a joint's friction, if it is another."""
+    wound = winding_freely(grown.model, step.taken.candidate.joint, rows)
+    current = evaluate(wound, rows)
+    laws = list(_laws(rest, step.taken.candidate, rows, evaluate(rest, rows)))
+    if not laws:
+        return grown
+    best = min(laws, key=lambda law: law.score.loss)
+    as_good = []
+    for law in laws:
+        lost, error = compare(law.score.losses, best.score.losses)
+        if lost <= error:
+            as_good.append(law)
+    taken = min(as_good, key=lambda law: (law.candidate.effect.complexity, law.score.loss))
+    if [s.key for s in own] == [taken.candidate.key]:
+        return grown
+    fewer = sum(s.taken.candidate.effect.complexity for s in own)
+    if taken.candidate.effect.complexity < fewer:
+        lost, error = compare(taken.score.losses, current.losses)
+        if lost > error:
+            return grown
+    elif not more_than_luck(current.losses, taken.score.losses, rows.fold_of_block, ALONE_Z):
+        return grown
+    model = _turning_as_fits(taken, rest, rows)
+    score = evaluate(model, rows)
+    if beyond_physics(model, score, taken.candidate):
+        return grown
+    gain, error = compare(evaluate(rest, rows).losses, score.losses)
+    again = replace(taken, model=model, score=score, gain=gain, z=gain / error)
+    equals = tuple(
+        law
+        for law in as_good
+        if law is not taken
+        and not law.candidate.includes(taken.candidate)
+        and not taken.candidate.includes(law.candidate)
+    )
+    new = replace(step, taken=again, equals=equals)
+    steps = [new if s is step else s for s in grown.steps if s is step or s not in own]
+    return Grown(model, score, tuple(steps))
+
+
+def _laws(rest: Model, found: Candidate, rows: Rows, bare: Score) -> Iterator[Option]:
+    """Yield every law of friction beside `rest`, free to wind up, with the best parameters."""
+    present = {found.key, *(candidate.key for candidate in rest.effects)}
+    declared = {(d.effect, d.joint) for d in rest.recording.session.declared}
+    for effect in EFFECTS:
+        candidate = Candidate(effect=effect, joint=found.joint)
+        if not effect.rubs or effect.winds or not effect.applies(rest.recording, found.joint):
+            continue
+        named = effect.name, rest.recording.name(found.joint)
+        if named in declared or not has_ground(candidate, present):
+            continue
+        fitted = []
+        for theta in effect.thetas(unfitted(rest.recording, found.joint)):
+            model = _beside(rest, candidate, theta, rows)
+            if model is None:
+                continue
+            wound = winding_freely(model, found.joint, rows)
+            fitted.append((evaluate(wound, rows), model))
+        if not fitted:
+            continue
+        score, model = min(fitted, key=lambda pair: pair[0].sse)
+        gain, error = compare(bare.losses, score.losses)
+        yield Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
+
+
+def _beside(rest: Model, candidate: Candidate, theta: Theta, rows: Rows) -> Model | None:
+    """Return a model with one law more; None if it adds nothing to what is there."""
+    columns = candidate.effect.columns(unfitted(rest.recording, candidate.joint), theta)
+    term = Term(
+        effect=candidate.effect,
+        joint=candidate.joint,
+        columns=columns,
+        lower=lowest(rest, candidate),
+        theta=theta,
+        candidate=candidate,
+    )
+    model = with_independent(rest, term, rows)
+    return None if model is rest else model
+
+
+def _turning_as_fits(law: Option, rest: Model, rows: Rows) -> Model:
+    """Return the model with a law that turns over the velocity that fits best without winding."""
+    names = {parameter.name for parameter in law.candidate.effect.nonlinear}
+    turns = [p for p in law.candidate.effect.nonlinear if p.name in TURNS & names]
+    found = [law.model]
+    for parameter in turns:
+        for value in parameter.grid:
+            theta = {**law.theta, parameter.name: value}
+            model = _beside(rest, law.candidate, theta, rows)
+            found += [] if model is None else [model]
+    return min(found, key=lambda model: evaluate(model, rows).sse)

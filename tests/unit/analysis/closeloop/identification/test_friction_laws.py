@@ -1,0 +1,81 @@
+"""Laws of friction are told apart where friction may wind up before it slides."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    Term,
+    evaluate,
+    unfitted,
+)
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
+from analysis.closeloop.identification.growing.steps import Grown
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
+from sim.effects.motion import PRESLIDING_SHARE
+from tests.testbed.sessions.rich import ELBOW, rich_elbow
+
+#: Nm: of friction in motion, of what there is more of it when slow, and of the sensor.
+FRICTION, EXCESS, NOISE = 1.0, 1.5, 0.02
+
+
+@pytest.fixture(scope="module")
+def elbow() -> Recording:
+    return rich_elbow(30)
+
+
+def wound(elbow: Recording, excess: float) -> Recording:
+    """The elbow with friction that winds up over presliding's way, and so much more when slow."""
+    joint = unfitted(elbow, ELBOW)
+    level = FRICTION + excess * np.exp(-((joint.velocity / (0.06 * joint.top_speed)) ** 2))
+    effort = np.array(elbow.inverse)
+    effort[:, ELBOW] += level * joint.wound(0.5 * PRESLIDING_SHARE * joint.travel[1])
+    effort += NOISE * np.random.default_rng(4).standard_normal(effort.shape)
+    return replace(elbow, effort=elbow.filtered(effort), cache={})
+
+
+def named(recording: Recording, rows: Rows, name: str, **theta: float) -> Grown:
+    """What is found where one law was named."""
+    candidate = Candidate(effect=BY_NAME[name], joint=ELBOW)
+    columns = candidate.effect.columns(unfitted(recording, ELBOW), theta)
+    term = Term(
+        effect=candidate.effect,
+        joint=ELBOW,
+        columns=columns,
+        lower=candidate.effect.lower,
+        theta=theta,
+        kept=tuple(range(columns[ELBOW].shape[1])),
+        candidate=candidate,
+    )
+    model = Model(recording).with_term(term)
+    score = evaluate(model, rows)
+    option = Option(candidate=candidate, model=model, score=score, gain=1.0, z=9.0)
+    step = Step(taken=option, equals=(), options=(), before=score.loss + 1.0)
+    return Grown(model, score, (step,))
+
+
+@pytest.mark.parametrize(
+    ("excess", "found", "theta", "true"),
+    [
+        (EXCESS, "coulomb_friction", {"smooth": 0.02}, "stribeck_friction"),
+        (0.0, "position_dependent_friction", {"smooth": 0.02, "waves": 1.0}, "coulomb_friction"),
+        (0.0, "coulomb_friction", {"smooth": 0.02}, "coulomb_friction"),
+    ],
+)
+def test_the_simplest_law_that_predicts_as_well_as_the_best_where_it_winds_up_is_named(
+    elbow: Recording, excess: float, found: str, theta: dict[str, float], true: str
+) -> None:
+    loud = wound(elbow, excess)
+    rows = select_rows(loud, (0,))
+    again = with_wound_laws(named(loud, rows, found, **theta), rows)
+    assert [step.key for step in again.steps] == [(true, ELBOW)]
+    assert [candidate.effect.name for candidate in again.model.effects] == [true]
+    assert again.score.loss == pytest.approx(evaluate(again.model, rows).loss)
+    level = again.score.coefficients[0]
+    assert level == pytest.approx(FRICTION, abs=0.1)
