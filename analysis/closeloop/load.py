@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from analysis.closeloop.misdeclared import check_declared
 from analysis.closeloop.session.mjcf import load_device
 from analysis.closeloop.session.plausibility import (
     check_copies,
@@ -36,6 +37,7 @@ def load_session(folder: Path) -> Recording:
     check_signs(recording)
     check_turned(recording)
     check_units(recording)
+    check_declared(recording)
     for trial in trials:
         check_torque(trial, device, session.limb_joints)
     return recording

@@ -27,6 +27,7 @@ from analysis.closeloop.judgement.loads import unnamed_loads
 from analysis.closeloop.judgement.outcome import outcome_of
 from analysis.closeloop.judgement.structure import structures
 from analysis.closeloop.load import load_session
+from analysis.closeloop.misdeclared import doubtful_gravity
 from analysis.closeloop.report.answer import Answer
 from analysis.closeloop.report.confirmation import confirm, unconfirmed
 from analysis.closeloop.report.json_report import json_report
@@ -108,6 +109,7 @@ def close_loop(
             "not read"
         )
     report["warnings"] += doubtful_units(found.recording)
+    report["warnings"] += doubtful_gravity(found.recording)
     xml, elements, warnings = repaired_model(found.recording.device, report)
     for effect, element in zip(report["effects"], elements, strict=False):
         effect["mujoco_element"] = element

@@ -85,6 +85,8 @@ class Effect(ABC):
     #: Whether it contradicts what the model's file declares, which holds until trials speak against
     #: it: it is credited with nothing while it is not seen.
     contradicts: bool = False
+    #: Whether it is another in each direction, of which a joint has to move in both to show it.
+    sided: bool = False
     #: Whether it acts at reversals, where friction turns.
     at_reversals: bool = False
     #: Whether it winds up over a way after each reversal, as friction itself does over a short one.

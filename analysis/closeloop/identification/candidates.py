@@ -27,6 +27,7 @@ from analysis.closeloop.identification.nameable import (
     corrects,
     drives,
     lowest,
+    one_way,
     refusal,
 )
 from analysis.closeloop.session.recording import Recording
@@ -74,6 +75,8 @@ def options_beside(
         if candidate.key in active | covered or (candidate.effect.name, joint_name) in declared:
             continue
         if not has_ground(candidate, active | known):
+            continue
+        if candidate.effect.sided and one_way(rows, candidate.joint):
             continue
         rest = _without_included(model, candidate)
         option = _try(rest, rows, candidate, estimate, current, _simpler(model, candidate))

@@ -18,7 +18,7 @@ MIN_UNIQUE = 0.02
 #: A little of what a Dahl spring stores comes back; more than this share is a drive.
 MAX_GIVEN = 0.25
 ONE_WAY = (
-    "the only trial moves in one direction: friction, damping, stiffness and neutral angle cannot "
+    "all movement is in one direction: friction, damping, stiffness and neutral angle cannot "
     "be told apart"
 )
 
@@ -57,6 +57,11 @@ def one_way(rows: Rows, joint: int) -> bool:
     forward = float(np.maximum(velocity, 0).sum())
     backward = float(np.maximum(-velocity, 0).sum())
     return min(forward, backward) < 0.05 * max(forward, backward)
+
+
+def moves_one_way(rows: Rows) -> bool:
+    """Whether every joint does: K, D and q0, or an offset, hide friction."""
+    return all(one_way(rows, joint) for joint in rows.samples)
 
 
 def beyond_physics(model: Model, scored: Score, candidate: Candidate) -> str:

@@ -25,7 +25,7 @@ from analysis.closeloop.identification.growing.friction_laws import with_wound_l
 from analysis.closeloop.identification.growing.starts import regrown
 from analysis.closeloop.identification.growing.steps import Grown, grow
 from analysis.closeloop.identification.holding import determined, held_in_octaves
-from analysis.closeloop.identification.nameable import ONE_WAY, one_way
+from analysis.closeloop.identification.nameable import ONE_WAY, moves_one_way
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 
@@ -141,8 +141,8 @@ def _judged(found: Trace) -> Trace:
     matters = MIN_TORQUE**2 * min(rows.effort_power(joint) for joint in rows.samples)
     steady = left.rank_z > MIN_Z and left.remains > LARGE_GAIN * left.model_loss
     real = (left.z > MIN_Z or steady) and left.remains > max(MIN_GAIN * left.model_loss, matters)
-    if not found.steps and _once(rows):
-        return replace(found, verdict=Verdict.NOT_IDENTIFIABLE, notes=(ONE_WAY,))
+    if not found.steps and moves_one_way(rows) and (real or not rows.grouped):
+        return replace(found, verdict=Verdict.NOT_IDENTIFIABLE, notes=(*found.notes, ONE_WAY))
     if not found.steps:
         return replace(found, verdict=Verdict.UNEXPLAINED if real else Verdict.ADEQUATE)
     explained = found.explainable_before.model_loss - left.model_loss
@@ -154,11 +154,6 @@ def _judged(found: Trace) -> Trace:
             "explainable residual; no name is given"
         )
     return replace(found, verdict=Verdict.EFFECT_FOUND)
-
-
-def _once(rows: Rows) -> bool:
-    """Whether all there is to fit is one movement in one direction: K, D and q0 hide friction."""
-    return not rows.grouped and all(one_way(rows, joint) for joint in rows.samples)
 
 
 def _others(step: Step) -> tuple[Option, ...]:

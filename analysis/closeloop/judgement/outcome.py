@@ -11,7 +11,12 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.balance.accuracy import left_out_errors, raw_errors, settled
+from analysis.closeloop.identification.balance.accuracy import (
+    left_out_errors,
+    raw_errors,
+    rms_by_joint,
+    settled,
+)
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.model import evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
@@ -37,6 +42,9 @@ MIN_STRUCTURE, MIN_EFFORT = 0.25, 0.008
 #: An oscillation counts from this share of the floor on: noise has colours. Set on one clean arm of
 #: the unkind bench (tuning seeds): a third, near half of the rate.
 MIN_LINE = 0.5
+#: An error that is so many times the effort is no noise's: a model without torque has 1, and one
+#: that is right only adds to the noise of a joint that has hardly any effort.
+WORSE_THAN_NONE = 1.5
 
 
 def outcome_of(
@@ -95,11 +103,20 @@ def verdict_of(outcome: Outcome) -> Verdict:
         return Verdict.UNEXPLAINED
     if trace.verdict != Verdict.ADEQUATE:
         return trace.verdict
-    if outcome.events or left_beside_events(outcome):
+    if outcome.events or left_beside_events(outcome) or worse_than_none(outcome):
         return Verdict.UNEXPLAINED
     if outcome.unsettled or not all(map(outcome.identified, outcome.hidden)):
         return Verdict.NOT_IDENTIFIABLE
     return Verdict.ADEQUATE
+
+
+def worse_than_none(outcome: Outcome) -> dict[int, tuple[float, float]]:
+    """Return error and effort of the joints of which no torque at all predicts more, Nm or N."""
+    return {
+        joint: (error, effort)
+        for joint, (error, effort) in rms_by_joint(outcome.holdout.after).items()
+        if error > WORSE_THAN_NONE * effort
+    }
 
 
 def left_beside_events(outcome: Outcome) -> bool:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,10 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 #: Words of a name that say nothing of the joint.
 UNITS = ("deg", "rad", "s", "mm", "m", "nm", "n", "ma", "a", "measured", "actual", "data")
 #: Words of a channel that was wanted and not measured.
-WANTED = ("ref", "reference", "des", "desired", "target", "cmd", "command", "setpoint", "goal")
+WANTED = (
+    *("ref", "reference", "des", "desired", "target", "setpoint", "goal"),
+    *("cmd", "command", "commanded", "cmptd", "computed"),
+)
 #: Derivatives of a position, in order.
 CHAIN = ("position", "velocity", "acceleration")
 
@@ -48,7 +51,9 @@ class Belief:
 
 
 def _tokens(name: str) -> list[str]:
-    return re.findall(r"[^\W\d_]+|\d+", name.lower())
+    """Return the words of a name, also of one such as `TorqueCur1`, and its numbers."""
+    parted = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", " ", name)
+    return re.findall(r"[^\W\d_]+|\d+", parted.lower())
 
 
 def by_name(channel: Channel) -> Belief:
@@ -56,21 +61,40 @@ def by_name(channel: Channel) -> Belief:
     finite = channel.values[np.isfinite(channel.values)]
     if len(finite) < 2:
         return Belief(channel=channel, quantity="unknown", why="holds hardly a number")
-    if np.ptp(finite) == 0.0:
-        return Belief(channel=channel, quantity="constant", why="never changes")
     wanted = any(word in WANTED for word in words)
-    for quantity, names in WORDS.items():
-        if any(word in names for word in words):
-            spare = {*names, *WANTED, *UNITS}
-            return Belief(
-                channel=channel,
-                quantity=quantity,
-                unit=channel.unit or _unit_in(channel.name),
-                wanted=wanted,
-                stem="_".join(word for word in words if word not in spare),
-                why="by its name",
-            )
-    return Belief(channel=channel, quantity="unknown", wanted=wanted)
+    named = next((q for q, names in WORDS.items() if any(w in names for w in words)), None)
+    still = np.ptp(finite) == 0.0
+    if named is None or still:
+        quantity, why = ("constant", "never changes") if still else ("unknown", "")
+        return Belief(channel=channel, quantity=quantity, wanted=wanted, why=why)
+    return Belief(
+        channel=channel,
+        quantity=named,
+        unit=channel.unit or _unit_in(channel.name),
+        wanted=wanted,
+        stem=stem_of(channel.name, named),
+        why="by its name",
+    )
+
+
+def held(belief: Belief) -> Belief:
+    """Return a constant as the position of a joint that is held, if that is what its name says."""
+    words, name = _tokens(belief.channel.name), belief.channel.name
+    if belief.quantity != "constant" or belief.wanted or not {*words} & {*WORDS["position"]}:
+        return belief
+    return replace(
+        belief,
+        quantity="position",
+        unit=belief.channel.unit or _unit_in(name),
+        stem=stem_of(name, "position"),
+        why="by its name; never changes",
+    )
+
+
+def stem_of(name: str, quantity: str) -> str:
+    """Return a channel's name without its quantity and unit."""
+    spare = {*WORDS[quantity], *WANTED, *UNITS}
+    return "_".join(word for word in _tokens(name) if word not in spare)
 
 
 def is_nameless(channel: Channel) -> bool:

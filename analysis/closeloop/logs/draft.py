@@ -149,10 +149,13 @@ def write_session(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise SessionError("is not an empty folder", file=str(folder))
     taken: dict[str, Belief] = {}
+    others: dict[str, list[str]] = {}
     for belief in beliefs:
         quantity = "effort" if belief.quantity == "current" else belief.quantity
         if quantity in SIGNALS and not belief.wanted and belief.joint is not None:
-            taken.setdefault(f"{joints[belief.joint]}.{quantity}", belief)
+            name = f"{joints[belief.joint]}.{quantity}"
+            if taken.setdefault(name, belief) is not belief:
+                others.setdefault(name, []).append(belief.channel.name)
     for quantity in ("position", "effort"):
         if not any(name.endswith(f".{quantity}") for name in taken):
             raise SessionError(
@@ -165,7 +168,11 @@ def write_session(
             "no clock is known: name its channel, as in 'column 1=time*0.001', or give --rate",
             file=stem,
         )
-    remarks = []
+    remarks = [
+        f"{taken[name].channel.name} is taken for {name}, and not {' or '.join(channels)}: for "
+        f"another say '{channels[0]}={name}'"
+        for name, channels in others.items()
+    ]
     for name, belief in list(taken.items()):
         own = belief.channel.time
         if own is None or len(own) != len(time) or not np.array_equal(own, time):

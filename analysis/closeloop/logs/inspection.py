@@ -11,7 +11,7 @@ from math import pi
 
 import numpy as np
 
-from analysis.closeloop.logs.belief import Belief, by_name
+from analysis.closeloop.logs.belief import Belief, by_name, held
 from analysis.closeloop.logs.clock import find_clock, set_rate
 from analysis.closeloop.logs.derivatives import find_derivatives, find_rate
 from analysis.closeloop.logs.log import Log
@@ -42,6 +42,7 @@ def believe(log: Log, rate_hz: float | None = None) -> list[Belief]:
             set_rate(beliefs, group, rate_hz)
         find_derivatives(beliefs, group)
     _find_blocks(beliefs)
+    beliefs = [held(belief) for belief in beliefs]
     _find_units(beliefs)
     _number_joints(beliefs)
     return beliefs
@@ -77,8 +78,13 @@ def _find_units(beliefs: list[Belief]) -> None:
 
 
 def _number_joints(beliefs: list[Belief]) -> None:
-    """Give every signal its joint: by name, by whose derivative it is, else in the log's order."""
-    joints: dict[str, int] = {}
+    """Give every signal its joint: by name, by whose derivative it is, else in the log's order.
+
+    Where all positions are numbered, whatever ends in such a number is of that joint.
+    """
+    numbers = {b.stem for b in beliefs if b.quantity == "position" and not b.wanted}
+    numbered = bool(numbers) and all(stem.isdigit() for stem in numbers)
+    joints = {n: rank for rank, n in enumerate(sorted(numbers, key=int))} if numbered else {}
     motion = ("position", "velocity", "acceleration", "effort", "current")
     own = [at for at, b in enumerate(beliefs) if b.quantity in motion]
     named = all(beliefs[at].stem for at in own)
@@ -88,6 +94,8 @@ def _number_joints(beliefs: list[Belief]) -> None:
         key = belief.quantity, belief.wanted
         source = beliefs[belief.source] if belief.source is not None else None
         if named:
+            number = belief.stem.rpartition("_")[2]
+            belief = replace(belief, stem=number) if numbered and number in joints else belief
             joint = joints.setdefault(belief.stem, len(joints))
         elif source is not None and source.joint is not None:
             joint = source.joint

@@ -5,6 +5,7 @@ from typing import Any
 from analysis.closeloop.contract import SCHEMA, Verdict
 from analysis.closeloop.identification.balance.accuracy import rms_by_joint, smooth_relative
 from analysis.closeloop.identification.findings import Errors, Outcome, Trace
+from analysis.closeloop.identification.nameable import ONE_WAY, moves_one_way
 from analysis.closeloop.judgement.outcome import left_beside_events
 from analysis.closeloop.report.diagnostics import diagnose
 from analysis.closeloop.report.impedance import (
@@ -36,6 +37,7 @@ from analysis.closeloop.report.unexplained import (
     far_from_floor,
     floor_entries,
     not_settled,
+    of_wrong_torques,
     unexplained,
     untouched,
 )
@@ -77,6 +79,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         "warnings": [
             *warnings,
             *far_from_floor(outcome),
+            *of_wrong_torques(outcome),
             *not_settled(outcome),
             *not_identified(identified),
             *undecided(impedance),
@@ -148,7 +151,9 @@ def advice(outcome: Outcome) -> list[str]:
             "All fit trials share one group; another speed or posture would show more effects."
         )
     pushed_only = found.verdict != Verdict.UNEXPLAINED and not left_beside_events(outcome)
-    if verdict == Verdict.UNEXPLAINED and not pushed_only:
+    if verdict == Verdict.UNEXPLAINED and moves_one_way(found.rows):
+        lines.append(f"Move to and fro, at two or more speeds: {ONE_WAY}.")
+    elif verdict == Verdict.UNEXPLAINED and not pushed_only:
         more = (
             "EMG, temperature, the limb's own angle" if recording.limbs else "temperature, currents"
         )

@@ -6,24 +6,17 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Channel,
-    Model,
-    Term,
-    gain,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows
-from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
+from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.findings import Trace
+from analysis.closeloop.report.parameters import beside_its_like, parameters_of, part_of
 from analysis.closeloop.report.separating import separating_trial
 from analysis.closeloop.report.shared import link_parameters
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
-from sim.effects.effect import ROUNDING, Theta
+from sim.effects.effect import ROUNDING
 from sim.effects.laws.inertia import GravityTorque
-from sim.effects.motion import RecordedJoint
 
 #: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
 MOST_NONSENSE = 0.25
@@ -54,7 +47,12 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
                     for name, entry in (
                         link_parameters(model, found.rows)
                         if effect.name == LINK_INERTIA
-                        else _parameters(model, coefficients, fits, _part(model, candidate))
+                        else beside_its_like(
+                            parameters_of(model, coefficients, fits, part_of(model, candidate)),
+                            model,
+                            found.rows,
+                            candidate,
+                        )
                     ).items()
                 },
                 "indistinguishable_from": others,
@@ -106,7 +104,7 @@ def _declared_values(
     """Return the parameters of a fitted model's declared effects, by effect and joint."""
     fits = leave_out(model, rows, coefficients)
     return {
-        (term.effect.name, model.recording.name(term.joint)): _parameters(
+        (term.effect.name, model.recording.name(term.joint)): parameters_of(
             model, coefficients, fits, term
         )
         for term in model.terms
@@ -204,93 +202,3 @@ def of_gravity(recording: Recording, entries: Sequence[Mapping[str, Any]]) -> li
 def _vector(values: np.ndarray) -> str:
     # Adding zero turns what is rounded to -0 into 0.
     return f"[{', '.join(f'{value:.3g}' for value in np.round(values, 2) + 0.0)}]"
-
-
-def _part(model: Model, candidate: Candidate) -> Term | Channel:
-    """Return the part of a model that a found effect is."""
-    parts: list[Term | Channel] = [*model.terms, *model.channels]
-    return next(part for part in parts if part.candidate == candidate)
-
-
-def _parameters(
-    model: Model, coefficients: np.ndarray, fits: Fits, part: Term | Channel
-) -> dict[str, Any]:
-    """Return the physical parameters of a part of the model with their intervals."""
-    candidate, theta = part.at, part.theta
-    effect, joint = candidate.effect, unfitted(model.recording, candidate.joint)
-    own: dict[int, float] = {}
-    refitted: dict[int, np.ndarray] = {}
-    for (term, found), (_, spread) in zip(
-        model.split(coefficients), model.split(fits.coefficients), strict=True
-    ):
-        if term is part:
-            own = dict(zip(term.kept, found.tolist(), strict=True))
-            refitted = dict(zip(term.kept, spread.T, strict=True))
-    scale = gain(model, coefficients, candidate.joint)
-    entries: dict[str, dict[str, Any]] = {}
-    limits = dict(effect.limits(joint))
-    for key, reading in effect.readings(joint, theta).items():
-        free = None
-        if reading.column is None:
-            # Its limits here also say where another effect begins; beyond these it is nothing.
-            natural = effect.parameters[key]
-            limits[key] = natural.floor, natural.ceiling
-            value, lowest = reading.of({}), natural.floor
-            every = value + _moved(fits, candidate, joint, theta, key, own)
-            free = fits.interval(every, float(value))
-        elif reading.column in own:
-            value = reading.of(own, scale)
-            bound = part.bound(reading.column) if isinstance(part, Term) else -np.inf
-            lowest = reading.lowest(bound, scale)
-            every = np.asarray(reading.of(refitted, scale))
-            every = every + _moved(fits, candidate, joint, theta, key, own, scale)
-            free = fits.interval(every, float(value)) if np.isfinite(value) else None
-        else:
-            continue
-        unit = effect.unit_of(key, theta, joint)
-        what = effect.parameters[key].description
-        if not np.isfinite(value):
-            entries[key] = {"value": None, "ci90": None, "unit": unit, "description": what}
-            continue
-        interval = list(fits.interval(every, float(value), lowest))
-        entries[key] = {"value": value, "ci90": interval, "unit": unit, "description": what}
-        signed = reading.column is not None and _is_difference(model, part)
-        if free is not None and part.candidate is not None and not signed:
-            entries[key] |= {"free": free, "limits": limits[key]}
-    return entries
-
-
-def _is_difference(model: Model, part: Term | Channel) -> bool:
-    """Whether friction is declared there: then a found one is a difference of either sign."""
-    joint, device = part.at.joint, model.recording.device
-    declared = [t for t in model.terms if t.candidate is None and t.joint == joint and t.rubs]
-    native = device.friction[joint] or device.model.dof_damping[joint]
-    return part.at.effect.rubs and bool(declared or native)
-
-
-def _moved(
-    fits: Fits,
-    candidate: Candidate,
-    joint: RecordedJoint,
-    theta: Theta,
-    key: str,
-    own: Mapping[int, float],
-    scale: float = 1.0,
-) -> np.ndarray:
-    """Return what each fit's non-linear parameters add to a physical one, to first order."""
-
-    def read(at: Theta) -> float:
-        reading = candidate.effect.readings(joint, at)[key]
-        return float(reading.of(own, scale) if reading.columns else reading.of({}))
-
-    spread = np.zeros(len(fits.coefficients))
-    for (*named, theta_name), values in fits.thetas.items():
-        # A declared load has the key of one that is found beside it.
-        if tuple(named) != candidate.key or theta_name not in theta:
-            continue
-        step = 1e-6 * max(1.0, abs(theta[theta_name]))
-        moved = {**theta, theta_name: theta[theta_name] + step}
-        slope = (read(moved) - read(theta)) / step
-        if slope and np.isfinite(slope):
-            spread += slope * (values - theta[theta_name])
-    return spread

@@ -10,6 +10,7 @@ from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import AT_FLOOR, Event, Floor, Outcome, Trace
 from analysis.closeloop.identification.spectrum import Peak
+from analysis.closeloop.judgement.outcome import worse_than_none
 from analysis.closeloop.session.recording import Recording
 
 #: A trial or a moment whose residual is this many times the usual one stands out.
@@ -151,6 +152,17 @@ def far_from_floor(outcome: Outcome) -> list[str]:
                 f"{floor.value:.3g} {unit} ({floor.source})"
             )
     return lines
+
+
+def of_wrong_torques(outcome: Outcome) -> list[str]:
+    """Return a warning for every joint whose effort the final model predicts worse than none."""
+    recording = outcome.trace.rows.recording
+    return [
+        f"{recording.name(joint)}: the model leaves {error:.3g} of an effort of {effort:.3g} "
+        f"{recording.device.unit(recording.name(joint))}, more than no torque at all would: are "
+        "units, sign, columns and masses as declared?"
+        for joint, (error, effort) in worse_than_none(outcome).items()
+    ]
 
 
 def not_settled(outcome: Outcome) -> list[str]:

@@ -165,6 +165,7 @@ class Asymmetric(Friction):
     )
     lower = (0.0, -np.inf, -np.inf, 0.0)
     undetermined = (1,)
+    sided = True
     nonlinear = (SMOOTH, Nonlinear("viscous", (0.0, 1.0)))
 
     def level(self, parameters: Values, motion: Motion) -> Signal:

@@ -94,6 +94,15 @@ UR10E = (
 UR10E_GAINS = (11.976, 11.976, 9.839, 10.763, 10.763, 10.69)
 
 
+def ur10e_columns() -> dict[str, object]:
+    """Return which column of a log of the UR10e is which signal."""
+    columns: dict[str, object] = {"time": 1}
+    for number, (joint, gain) in enumerate(zip(UR10E, UR10E_GAINS, strict=True)):
+        columns[f"{joint}.position"] = 2 + number
+        columns[f"{joint}.effort"] = {"from": 14 + number, "scale": gain}
+    return columns
+
+
 def write_ur10e(folder: Path, measured: Path, roles: Mapping[str, str], load: str = "") -> None:
     """Write a session of the UR10e, from its bare URDF and the drives' currents, to a folder.
 
@@ -106,10 +115,6 @@ def write_ur10e(folder: Path, measured: Path, roles: Mapping[str, str], load: st
     folder.mkdir(parents=True, exist_ok=True)
     source = measured / "ur10e"
     shutil.copy(source / "ur10e.urdf", folder / "robot.urdf")
-    columns: dict[str, object] = {"time": 1}
-    for number, (joint, gain) in enumerate(zip(UR10E, UR10E_GAINS, strict=True)):
-        columns[f"{joint}.position"] = 2 + number
-        columns[f"{joint}.effort"] = {"from": 14 + number, "scale": gain}
     trials = []
     for name, role in roles.items():
         shutil.copy(source / f"{name}.csv", folder)
@@ -120,7 +125,7 @@ def write_ur10e(folder: Path, measured: Path, roles: Mapping[str, str], load: st
     session = {
         "schema": 1,
         "model": "robot.urdf",
-        "columns": {"map": columns},
+        "columns": {"map": ur10e_columns()},
         "trials": trials,
     }
     (folder / "session.json").write_text(json.dumps(session))

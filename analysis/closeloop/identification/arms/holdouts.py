@@ -78,11 +78,15 @@ def _worse(before: Errors, after: Errors) -> list[int]:
 def _under_another_name(
     grown: Grown, step: Step, rows: Rows, worse: Callable[[Model], list[int]]
 ) -> Grown | None:
-    """Return what was found with one of a step's equals in its place that worsens nothing more."""
+    """Return what was found with friction in a step's place that worsens nothing, if any does.
+
+    It has any value at rest, where an offset that looks like it in motion has one.
+    """
     still = set(worse(grown.model)) - {step.taken.candidate.joint}
     for option in step.equals:
         model = exchanged(grown.model, step.taken.candidate, option)
-        if option.refused or not set(worse(model)) <= still:
+        rubs = option.candidate.effect.rubs and not option.refused
+        if not rubs or not set(worse(model)) <= still:
             continue
         score = evaluate(model, rows)
         taken = replace(option, model=model, score=score)

@@ -59,8 +59,8 @@ from sim.effects.catalogue import BY_NAME
 
 #: What every joint of a robot may have.
 ORDINARY = ("torque_offset", "viscous_friction", "coulomb_friction", "added_inertia")
-#: The same of one that moves in one direction only, where an offset is what friction may be.
-ONE_WAY = ("coulomb_friction", "viscous_friction", "added_inertia", "torque_offset")
+#: Of one that moves in one direction only friction is asked, which an offset looks like there.
+RESISTING = ("viscous_friction", "coulomb_friction", "added_inertia")
 
 
 def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Grown:
@@ -164,7 +164,7 @@ def with_ordinary(model: Model, rows: Rows) -> Model:
         for name in (candidate.effect.name, *candidate.effect.includes)
     }
     for joint in rows.joints:
-        for name in ONE_WAY if one_way(rows, joint) else ORDINARY:
+        for name in RESISTING if _only_resists(rows, joint) else ORDINARY:
             effect = BY_NAME[name]
             if (name, recording.name(joint)) in declared or (name, joint) in there:
                 continue
@@ -192,6 +192,14 @@ def with_ordinary(model: Model, rows: Rows) -> Model:
         # Alone, declared Coulomb friction that turns slowly is viscous friction, too.
         model = declared_again(model, rows, partial(_misfit, rows=rows, joint=joint), of=joint)
     return hung_again(model, rows)
+
+
+def _only_resists(rows: Rows, joint: int) -> bool:
+    """Whether a joint moves in one direction only, and what is left of it is against that."""
+    recording, samples = rows.recording, rows.samples[joint]
+    left = recording.effort[samples, joint] - recording.filtered(recording.rigid)[samples, joint]
+    against = float(left @ np.sign(recording.velocity[samples, joint]))
+    return one_way(rows, joint) and against > 0.0
 
 
 def _misfit(model: Model, rows: Rows, joint: int) -> float:

@@ -33,7 +33,8 @@ from sim.effects.effect import Theta
 def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
     """Return what was found, with the law of every joint's friction chosen where it may wind up.
 
-    What winds up as an effect of its own is left out where a law alone does as well.
+    What winds up as an effect of its own is left out where a law alone does as well. Beside
+    friction that is declared a law is a difference, and stays as it was found.
     """
     for joint in {step.taken.candidate.joint for step in grown.steps}:
         own = [s for s in grown.steps if s.taken.candidate.joint == joint]
@@ -42,7 +43,10 @@ def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
         rest = grown.model
         for step in own:
             rest = rest.without(step.taken.candidate)
-        if len(sliding) == 1:
+        declared = rest.recording.device.friction[joint] or any(
+            term.rubs and term.joint == joint for term in rest.terms
+        )
+        if len(sliding) == 1 and not declared:
             grown = _chosen_again(grown, rest, sliding[0], own, rows)
     return grown
 
@@ -91,13 +95,11 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
 def _laws(rest: Model, found: Candidate, rows: Rows, bare: Score) -> Iterator[Option]:
     """Yield every law of friction beside `rest`, free to wind up, with the best parameters."""
     present = {found.key, *(candidate.key for candidate in rest.effects)}
-    declared = {(d.effect, d.joint) for d in rest.recording.session.declared}
     for effect in EFFECTS:
         candidate = Candidate(effect=effect, joint=found.joint)
         if not effect.rubs or effect.winds or not effect.applies(rest.recording, found.joint):
             continue
-        named = effect.name, rest.recording.name(found.joint)
-        if named in declared or not has_ground(candidate, present):
+        if not has_ground(candidate, present):
             continue
         fitted = []
         for theta in effect.thetas(unfitted(rest.recording, found.joint)):

@@ -9,6 +9,7 @@ import pytest
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.balance.accuracy import settled
+from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import (
     Errors,
     Event,
@@ -74,7 +75,7 @@ def test_after_a_push_alone_the_advice_is_to_repeat_the_trial_untouched(
     """Who was pushed was told to record EMG."""
     outcome = SimpleNamespace(
         trace=SimpleNamespace(
-            verdict=Verdict.ADEQUATE, steps=(), rows=SimpleNamespace(recording=recording)
+            verdict=Verdict.ADEQUATE, steps=(), rows=select_rows(recording, (0,))
         ),
         verdict=Verdict.UNEXPLAINED,
         events=(Event(trial=0, joint=0, begin=1.0, end=1.5, peak=-0.4),),

@@ -7,6 +7,7 @@ import pytest
 
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.clock import clock_of
+from analysis.closeloop.logs.draft import joint_names
 from analysis.closeloop.logs.inspection import believe, of_rates
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.reading import read_log
@@ -105,6 +106,35 @@ def test_a_channel_that_never_changes_is_said_to_be_constant() -> None:
     m = motion(joints=1)
     found = believed(time=m["time"], angle=m["position"][:, 0], status=np.ones(len(m["time"])))
     assert found["status"].quantity == "constant"
+
+
+def numbered(quantities: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Return channels of three joints as a Kinova's log names them; the first is held."""
+    m = motion(joints=2)
+    signals = {"Position": m["position"], "Velocity": m["velocity"], "TorqueCur": m["position"]}
+    channels = {"Time": m["time"], "Position1": np.full(len(m["time"]), -4e-6)}
+    for quantity in quantities:
+        for joint in (0, 1):
+            channels[f"{quantity}{joint + 2}"] = signals[quantity][:, joint]
+    return channels
+
+
+def test_numbers_in_names_are_those_of_joints_and_a_held_joint_counts() -> None:
+    found = believed(**numbered(("TorqueCur", "Position", "Velocity")))
+    joints = {name: belief.joint for name, belief in found.items() if name != "Time"}
+    assert joints == {
+        "Position1": 0,
+        **{f"{name}{n}": n - 1 for name in ("Position", "Velocity", "TorqueCur") for n in (2, 3)},
+    }
+    assert found["Position1"].quantity == "position" and found["TorqueCur2"].quantity == "effort"
+    assert joint_names([*found.values()], ["base", "elbow", "wrist"]) == ["base", "elbow", "wrist"]
+
+
+def test_words_that_run_together_are_told_apart() -> None:
+    m = motion(joints=1)
+    wanted = m["position"][:, 0] + 0.01
+    found = believed(Time=m["time"], Position1=m["position"][:, 0], PositionCmptd1=wanted)
+    assert found["PositionCmptd1"].wanted and not found["Position1"].wanted
 
 
 def test_noise_is_nobodys_derivative() -> None:

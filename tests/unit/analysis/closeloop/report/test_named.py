@@ -1,5 +1,6 @@
 """An estimate whose interval spans what it cannot be is refused, as is what no body can be."""
 
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -19,11 +20,11 @@ from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
 from analysis.closeloop.report.named import (
     _if_it_can_be,
-    _parameters,
     refused_values,
     spans_nonsense,
     undetermined,
 )
+from analysis.closeloop.report.parameters import beside_its_like, parameters_of
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.session.device import Device
 from sim.effects.catalogue import BY_NAME
@@ -177,7 +178,7 @@ def stribeck_velocity(spread: float) -> dict[str, Any]:
         white=(np.eye(3),),
     )
     model = Model(recording).with_term(term)
-    own = _parameters(model, np.array(coefficients), fits, term)["stribeck_velocity"]
+    own = parameters_of(model, np.array(coefficients), fits, term)["stribeck_velocity"]
     return _if_it_can_be(own)
 
 
@@ -224,5 +225,41 @@ def test_a_load_beside_a_declared_one_has_parameters_of_its_own() -> None:
     model = Model(recording, terms=(declared, found))
     coefficients = evaluate(model, rows).coefficients
     fits = leave_out(model, rows, coefficients)
-    assert "mass" in _parameters(model, coefficients, fits, found)
-    assert "distance" in _parameters(model, coefficients, fits, declared)
+    assert "mass" in parameters_of(model, coefficients, fits, found)
+    assert "distance" in parameters_of(model, coefficients, fits, declared)
+
+
+def test_coulomb_friction_is_known_no_better_than_beside_viscous_friction() -> None:
+    # One speed, one direction: a constant is the same as 3 Nm s/rad there.
+    recording = rich_recording(12)
+    velocity = np.abs(recording.velocity) * 0.02 + 0.4
+    robot = replace(
+        recording,
+        velocity=velocity,
+        session=replace(recording.session, limb_joints=()),
+        joints=(ELBOW,),
+        cache={},
+    )
+    friction = 3.0 + 3.0 * velocity[:, ELBOW]
+    effort = np.array(robot.inverse)
+    effort[:, ELBOW] += friction + 0.1 * np.random.default_rng(3).standard_normal(len(effort))
+    robot = replace(robot, effort=robot.filtered(effort), cache={})
+    rows = select_rows(robot, (0,))
+    candidate = Candidate(effect=BY_NAME["coulomb_friction"], joint=ELBOW)
+    theta = {"smooth": 0.004}
+    term = Term(
+        effect=candidate.effect,
+        joint=ELBOW,
+        columns=candidate.effect.columns(unfitted(robot, ELBOW), theta),
+        theta=theta,
+        kept=(0,),
+        lower=(0.0,),
+        candidate=candidate,
+    )
+    model = Model(robot).with_term(term)
+    coefficients = evaluate(model, rows).coefficients
+    alone = parameters_of(model, coefficients, leave_out(model, rows, coefficients), term)
+    low, high = alone["torque"]["ci90"]
+    assert low > 4.0
+    low, _ = beside_its_like(alone, model, rows, candidate)["torque"]["ci90"]
+    assert low <= 3.0 < 4.2 < high

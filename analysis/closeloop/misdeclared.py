@@ -1,0 +1,186 @@
+"""What of a robot's declaration its trials contradict: signs, exchanged columns, gravity.
+
+Effects are looked for beside what is declared, so a sign that is wrong there ends in a wrong name.
+The mistakes that are made most each have one remedy, which is tried: an effort is turned round, two
+are exchanged, gravity acts another way or not at all. One is right if it leaves less than half of
+what the declaration leaves, beside friction, inertia and an offset of every joint, and whatever the
+links' masses.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import nnls
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import rms
+
+#: Share of what is left under the declaration that a remedy may leave.
+LEAVES = 0.5
+#: The same of what is left if a counterweight is the reason.
+BALANCED = 0.8
+#: Share of an effort's variance below which what is left says nothing.
+LITTLE = 0.1
+#: Width of the step of friction, over the root mean square of the velocity.
+STEP = 0.05
+#: Standard gravity, m/s2.
+STANDARD = 9.80665
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint's part of what is compared, low-passed, over the trials that are fitted."""
+
+    number: int
+    name: str
+    #: Its effort, and torque of the declared links, in motion and held, (r,).
+    effort: np.ndarray
+    declared: np.ndarray
+    static: np.ndarray
+    #: What holds it in one m/s2 of gravity along x, y and z, (r, 3).
+    weight: np.ndarray
+    #: Velocity, its direction, acceleration, and a constant of either sign, (r, 5).
+    unknown: np.ndarray
+
+    def left(
+        self, effort: np.ndarray, gravity: np.ndarray | None = None, *, balanced: bool = False
+    ) -> float:
+        """Return the share of an effort's variance that this joint's torque leaves of it.
+
+        Args:
+            effort: its own or another's, (r,).
+            gravity: further gravity, m/s2, (3,).
+            balanced: whether something may pull harder than the links, the other way.
+        """
+        known = self.declared if gravity is None else self.declared + self.weight @ gravity
+        # Inertia resists with a counterweight, too.
+        pulling = [self.static, -self.static] if balanced else []
+        table = np.column_stack([known, *pulling, self.unknown, effort - effort.mean()])
+        # Nothing but the constants may be negative: links, friction and inertia resist.
+        triangle = np.asarray(np.linalg.qr(table, mode="r"))
+        _, rest = nnls(triangle[:, :-1], triangle[:, -1])
+        return float(rest**2) / max(float(table[:, -1] @ table[:, -1]), 1e-300)
+
+
+def check_declared(recording: Recording) -> None:
+    """Refuse a robot's session with an effort that is turned round, or with two exchanged.
+
+    Of limbs nothing is asked: their stiffness takes in what gravity does (`signs` has theirs).
+
+    Raises:
+        SessionError: names the joint's effort column in the first trial.
+    """
+    joints = _joints(recording)
+    wrong, left = _wrong_columns(joints)
+    gravity = _other_gravity(recording, joints)
+    if not wrong or (gravity is not None and gravity[1] < left):
+        return
+    name, why = wrong[0]
+    first = recording.session.trials[recording.fit_trials[0]].file
+    raise SessionError(why, file=first, column=f"{name}.effort", line=2)
+
+
+def doubtful_gravity(recording: Recording) -> list[str]:
+    """Return a sentence if a robot moves as in another gravity, or its model has none itself."""
+    found = []
+    gravity = _other_gravity(recording, _joints(recording))
+    if gravity is not None:
+        found.append(gravity[0])
+    model = recording.device.model
+    compensated = [model.body(b).name for b in range(model.nbody) if model.body_gravcomp[b]]
+    if compensated:
+        found.append(
+            f"the declared model compensates gravity itself (gravcomp of {', '.join(compensated)}),"
+            " as few logged efforts do: leave gravcomp out if yours hold the links"
+        )
+    return found
+
+
+def _joints(recording: Recording) -> list[Joint]:
+    """Return what the joints of a robot without a limb show; nothing of another device."""
+    limbs = set(recording.limbs).intersection(recording.joints)
+    return [] if limbs else [*_moved(recording)]
+
+
+def _moved(recording: Recording) -> Iterator[Joint]:
+    for number in recording.joints:
+        rows = np.isfinite(recording.effort[:, number]) & recording.usable
+        rows &= np.isin(recording.trial, recording.fit_trials)
+        velocity = recording.velocity[:, number]
+        spread = rms(velocity[rows]) if rows.any() else 0.0
+        if not spread:
+            continue
+        one = np.ones(len(velocity))
+        unknown = np.column_stack(
+            [velocity, np.tanh(velocity / (STEP * spread)), recording.acceleration[:, number]]
+        )
+        links = [recording.rigid[:, number], recording.static[:, number], recording.weight(number)]
+        table = recording.filtered(np.column_stack([*links, unknown]))[rows]
+        yield Joint(
+            number=number,
+            name=recording.name(number),
+            effort=recording.effort[rows, number],
+            declared=table[:, 0],
+            static=table[:, 1],
+            weight=table[:, 2:5],
+            unknown=np.column_stack([table[:, 5:], one[rows], -one[rows]]),
+        )
+
+
+def _wrong_columns(joints: list[Joint]) -> tuple[list[tuple[str, str]], float]:
+    """Return joints whose effort is another's or turned round, with why, and what then is left."""
+    own = {joint.number: joint.left(joint.effort) for joint in joints}
+    doubtful = [joint for joint in joints if own[joint.number] > LITTLE]
+    left, found = dict(own), []
+    for joint in doubtful:
+        turned = joint.left(-joint.effort)
+        # Behind a counterweight only gravity is turned round, and friction still resists.
+        balanced = joint.left(joint.effort, balanced=True)
+        if turned < LEAVES * own[joint.number] and turned < BALANCED * balanced:
+            left[joint.number] = turned
+            why = (
+                f"has the opposite sign of what {joint.name} needs: turned round the declared "
+                f"model leaves {turned:.0%} of its variance, as recorded "
+                f"{own[joint.number]:.0%}; effort is positive along the joint's axis, as position "
+                "is"
+            )
+            found.append((joint.name, why))
+    for one, other in combinations(doubtful, 2):
+        if len(one.effort) != len(other.effort):
+            continue
+        pair = one.left(other.effort), other.left(one.effort)
+        if pair[0] < LEAVES * left[other.number] and pair[1] < LEAVES * left[one.number]:
+            left[other.number], left[one.number] = pair
+            why = (
+                f"looks exchanged with that of {other.name}: the declared models leave "
+                f"{pair[0]:.0%} and {pair[1]:.0%} of their variance the other way round, as "
+                f"recorded {own[other.number]:.0%} and {own[one.number]:.0%}; exchange their "
+                "columns, of position or of effort"
+            )
+            found.append((one.name, why))
+    return found, sum(left.values())
+
+
+def _other_gravity(recording: Recording, joints: list[Joint]) -> tuple[str, float] | None:
+    """Return which gravity explains all joints better, and what it leaves; None if none does."""
+    declared = recording.gravity
+    ways = [np.zeros(3), *(sign * STANDARD * axis for axis in np.eye(3) for sign in (1.0, -1.0))]
+    ways = [way for way in ways if np.linalg.norm(way - declared) > 0.1 * STANDARD]
+    before = sum(joint.left(joint.effort) for joint in joints)
+    if before <= LITTLE * len(joints):
+        return None
+    left = [sum(j.left(j.effort, way - declared) for j in joints) for way in ways]
+    best = int(np.argmin(left))
+    if left[best] >= LEAVES * before:
+        return None
+    found, told = (", ".join(f"{g + 0.0:.3g}" for g in way) for way in (ways[best], declared))
+    sentence = (
+        f"the joints move as in a gravity of [{found}] m/s2: that leaves "
+        f"{left[best] / len(joints):.0%} of the efforts' variance, the declared [{told}] leaves "
+        f"{before / len(joints):.0%}; is the device mounted another way, or its effort logged "
+        "after gravity compensation?"
+    )
+    return sentence, left[best]

@@ -1,0 +1,166 @@
+"""Physical parameters of a fitted effect, with their 90 % intervals."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Channel,
+    Model,
+    Term,
+    evaluate,
+    gain,
+    unfitted,
+    with_independent,
+)
+from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
+from analysis.closeloop.identification.nameable import lowest
+from sim.effects.catalogue import BY_NAME
+from sim.effects.effect import Theta
+from sim.effects.motion import RecordedJoint
+
+#: What friction has besides.
+ITS_LIKE = {"coulomb_friction": "viscous_friction", "viscous_friction": "coulomb_friction"}
+
+
+def beside_its_like(
+    entries: dict[str, Any], model: Model, rows: Rows, candidate: Candidate
+) -> dict[str, Any]:
+    """Return parameters with the intervals that they have beside what friction has besides, too.
+
+    Coulomb and viscous friction are hardly told apart at one speed. That one has nothing to show
+    does not say that it is not there: what is known of the other is what holds either way.
+    """
+    name = ITS_LIKE.get(candidate.effect.name)
+    if name is None or candidate.joint in rows.recording.limbs:
+        # A limb's own damping is there.
+        return entries
+    there = {
+        other
+        for term in model.terms
+        if term.effect is not None and term.joint == candidate.joint
+        for other in (term.effect.name, *term.effect.includes)
+    }
+    if name in there:
+        return entries
+    effect, joint = BY_NAME[name], unfitted(rows.recording, candidate.joint)
+    like = Candidate(effect=effect, joint=candidate.joint)
+    term = Term(
+        effect=effect,
+        joint=candidate.joint,
+        columns=effect.columns(joint, effect.thetas(joint)[0]),
+        lower=lowest(model, like),
+        theta=effect.thetas(joint)[0],
+        candidate=like,
+    )
+    wider = with_independent(model, term, rows)
+    # What is the same in these trials may be all of it.
+    beside: Mapping[str, Any] = {key: {"ci90": (0.0, 0.0)} for key in entries}
+    if wider is not model:
+        coefficients = evaluate(wider, rows).coefficients
+        fits = leave_out(wider, rows, coefficients)
+        beside = parameters_of(wider, coefficients, fits, part_of(wider, candidate))
+    return {
+        key: entry | {"ci90": _both(entry["ci90"], beside[key]["ci90"])}
+        for key, entry in entries.items()
+    }
+
+
+def _both(one: Sequence[float] | None, other: Sequence[float] | None) -> list[float] | None:
+    """Return the interval that holds two."""
+    if one is None or other is None:
+        return None if one is None else list(one)
+    return [min(one[0], other[0]), max(one[1], other[1])]
+
+
+def part_of(model: Model, candidate: Candidate) -> Term | Channel:
+    """Return the part of a model that a found effect is."""
+    parts: list[Term | Channel] = [*model.terms, *model.channels]
+    return next(part for part in parts if part.candidate == candidate)
+
+
+def parameters_of(
+    model: Model, coefficients: np.ndarray, fits: Fits, part: Term | Channel
+) -> dict[str, Any]:
+    """Return the physical parameters of a part of the model with their intervals."""
+    candidate, theta = part.at, part.theta
+    effect, joint = candidate.effect, unfitted(model.recording, candidate.joint)
+    own: dict[int, float] = {}
+    refitted: dict[int, np.ndarray] = {}
+    for (term, found), (_, spread) in zip(
+        model.split(coefficients), model.split(fits.coefficients), strict=True
+    ):
+        if term is part:
+            own = dict(zip(term.kept, found.tolist(), strict=True))
+            refitted = dict(zip(term.kept, spread.T, strict=True))
+    scale = gain(model, coefficients, candidate.joint)
+    entries: dict[str, dict[str, Any]] = {}
+    limits = dict(effect.limits(joint))
+    for key, reading in effect.readings(joint, theta).items():
+        free = None
+        if reading.column is None:
+            # Its limits here also say where another effect begins; beyond these it is nothing.
+            natural = effect.parameters[key]
+            limits[key] = natural.floor, natural.ceiling
+            value, lowest = reading.of({}), natural.floor
+            every = value + _moved(fits, candidate, joint, theta, key, own)
+            free = fits.interval(every, float(value))
+        elif reading.column in own:
+            value = reading.of(own, scale)
+            bound = part.bound(reading.column) if isinstance(part, Term) else -np.inf
+            lowest = reading.lowest(bound, scale)
+            every = np.asarray(reading.of(refitted, scale))
+            every = every + _moved(fits, candidate, joint, theta, key, own, scale)
+            free = fits.interval(every, float(value)) if np.isfinite(value) else None
+        else:
+            continue
+        unit = effect.unit_of(key, theta, joint)
+        what = effect.parameters[key].description
+        if not np.isfinite(value):
+            entries[key] = {"value": None, "ci90": None, "unit": unit, "description": what}
+            continue
+        interval = list(fits.interval(every, float(value), lowest))
+        entries[key] = {"value": value, "ci90": interval, "unit": unit, "description": what}
+        signed = reading.column is not None and _is_difference(model, part)
+        if free is not None and part.candidate is not None and not signed:
+            entries[key] |= {"free": free, "limits": limits[key]}
+    return entries
+
+
+def _is_difference(model: Model, part: Term | Channel) -> bool:
+    """Whether friction is declared there: then a found one is a difference of either sign."""
+    joint, device = part.at.joint, model.recording.device
+    declared = [t for t in model.terms if t.candidate is None and t.joint == joint and t.rubs]
+    native = device.friction[joint] or device.model.dof_damping[joint]
+    return part.at.effect.rubs and bool(declared or native)
+
+
+def _moved(
+    fits: Fits,
+    candidate: Candidate,
+    joint: RecordedJoint,
+    theta: Theta,
+    key: str,
+    own: Mapping[int, float],
+    scale: float = 1.0,
+) -> np.ndarray:
+    """Return what each fit's non-linear parameters add to a physical one, to first order."""
+
+    def read(at: Theta) -> float:
+        reading = candidate.effect.readings(joint, at)[key]
+        return float(reading.of(own, scale) if reading.columns else reading.of({}))
+
+    spread = np.zeros(len(fits.coefficients))
+    for (*named, theta_name), values in fits.thetas.items():
+        # A declared load has the key of one that is found beside it.
+        if tuple(named) != candidate.key or theta_name not in theta:
+            continue
+        step = 1e-6 * max(1.0, abs(theta[theta_name]))
+        moved = {**theta, theta_name: theta[theta_name] + step}
+        slope = (read(moved) - read(theta)) / step
+        if slope and np.isfinite(slope):
+            spread += slope * (values - theta[theta_name])
+    return spread
