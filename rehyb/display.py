@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.table import Table
+from rich.table import Column, Table
 
 #: Indices that tables leave out: others say more, or bound the same from closer by.
 LEFT_OUT = ("mu", "full_total_order", "independent_first_order")
@@ -13,9 +13,10 @@ RANKED_BY = ("mu_star", "total_order", "shapley")
 
 
 def plain_table(*columns: str, title: str | None = None, caption: str | None = None) -> Table:
-    """Return an empty table as all of them look."""
+    """Return an empty table as all of them look; a narrow terminal breaks words, and loses none."""
     return Table(
-        *columns,
+        # What a line is about stays in one piece.
+        *(Column(name, overflow="fold", no_wrap=not at) for at, name in enumerate(columns)),
         title=title,
         title_justify="left",
         caption=caption,
