@@ -42,7 +42,7 @@ def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[s
         The model with the effects that stay, and a sentence for each that went.
     """
     if not grown.steps:
-        return grown, ()
+        return Grown(declared, evaluate(declared, rows)), ()
     errors = _errors_by((declared, grown.model), rows)
     before = errors(declared)
     notes = []
@@ -63,6 +63,9 @@ def not_worse(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[s
         model = grown.model.without(gone.taken.candidate)
         left = tuple(step for step in grown.steps if step is not gone)
         grown = Grown(model, evaluate(model, rows), left)
+    if not grown.steps:
+        # What is declared was chosen again beside effects that are gone.
+        grown = Grown(declared, evaluate(declared, rows))
     return grown, tuple(notes)
 
 

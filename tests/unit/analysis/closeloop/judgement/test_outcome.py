@@ -10,6 +10,7 @@ import pytest
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.balance.accuracy import settled
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import (
     Errors,
     Event,
@@ -26,6 +27,7 @@ from analysis.closeloop.judgement.outcome import (
     left_beside_events,
     left_in_band,
     verdict_of,
+    worse_than_none,
 )
 from analysis.closeloop.report.json_report import advice
 from analysis.closeloop.report.unexplained import not_settled
@@ -178,3 +180,14 @@ def test_what_no_declared_friction_explains_in_the_quick_trial_stays_unexplained
     outcome = judged(rubbing(0.05))
     assert outcome.unsettled == ()
     assert verdict_of(outcome) == Verdict.UNEXPLAINED
+
+
+@pytest.mark.parametrize(("error", "told"), [(2.0, True), (1.1, False)])
+def test_what_predicts_worse_than_no_torque_is_told(error: float, told: bool) -> None:
+    """A trial in degrees was `adequate` at twice the effort; noise alone is as large as itself."""
+    effort = np.random.default_rng(7).standard_normal(500)
+    left = TrialError(
+        trial=0, joint=0, time=np.arange(500.0), effort=effort, predicted=effort - error * effort
+    )
+    outcome = SimpleNamespace(holdout=Errors(before=[left], after=[left]))
+    assert bool(worse_than_none(cast(Outcome, outcome))) is told

@@ -17,6 +17,7 @@ from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from tests.testbed.sessions.coupled import measured, moving, traced
+from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 from tests.testbed.sessions.upright import all_at_once
 
@@ -65,6 +66,27 @@ def test_damping_that_is_small_beside_the_weight_stays_where_nothing_else_is_lef
     rows = robot.weighed(Model(arm), select_rows(arm, (0,)))
     model = robot.pruned(robot.with_ordinary(Model(arm), rows), rows, links_of(arm))
     assert [candidate.key for candidate in model.effects] == [("viscous_friction", ELBOW)]
+
+
+@pytest.mark.parametrize(
+    ("level", "found", "like"),
+    [(1.5, "coulomb_friction", ["torque_offset"]), (-1.5, "torque_offset", [])],
+)
+def test_of_a_joint_that_moves_one_way_friction_is_asked_and_not_the_offset_it_looks_like(
+    level: float, found: str, like: list[str]
+) -> None:
+    # What drives a joint in the direction of its motion is no friction.
+    rich = rich_recording(20)
+    slow = np.linspace(-0.5, 0.5, len(rich.time))[:, None] + 0.002 * rich.position
+    arm = replace(moved(rich, slow, 200.0), joints=(0, ELBOW), cache={})
+    effort = np.array(arm.inverse)
+    effort[:, ELBOW] += level
+    effort += 0.02 * np.random.default_rng(5).standard_normal(effort.shape)
+    arm = replace(arm, effort=arm.filtered(effort), cache={})
+    rows = robot.weighed(Model(arm), select_rows(arm, (0,)))
+    (step,) = robot.traced_robot(Model(arm), rows, lambda _: None).steps
+    assert step.key == (found, ELBOW)
+    assert [option.candidate.effect.name for option in step.equals] == like
 
 
 def test_beside_declared_damping_friction_may_be_less_and_inertia_may_not() -> None:
