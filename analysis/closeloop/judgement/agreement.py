@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.balance.luck import predicts_as_well
 from analysis.closeloop.identification.balance.model import evaluate, impedances
-from analysis.closeloop.identification.balance.regression import Score, compare
 from analysis.closeloop.identification.findings import Option, Step, Trace, exchanged
 
 #: Stiffnesses under two names that differ by less than this share are one.
@@ -38,10 +38,12 @@ def agreed(found: Trace) -> Trace:
     if found.verdict != Verdict.EFFECT_FOUND:
         return found
     declared, repaired = (impedances(*fit) for fit in found.fits)
-    rivals = [(step, o) for step, o in alternatives(found) if _as_good(o.score, found.score)]
-    others = [impedances(o.model, o.score.coefficients) for _, o in rivals]
+    rivals = [
+        (step, o) for step, o in alternatives(found) if predicts_as_well(o.score, found.score)
+    ]
+    stiff = [impedances(o.model, o.score.coefficients) for _, o in rivals]
     for joint, own in repaired.items():
-        values = [own["stiffness"], *(other[joint]["stiffness"] for other in others)]
+        values = [own["stiffness"], *(other[joint]["stiffness"] for other in stiff)]
         before = declared[joint]["stiffness"]
         least = min(range(len(values)), key=lambda number: abs(values[number] - before))
         if max(values) - min(values) <= APART * abs(values[0]):
@@ -76,13 +78,3 @@ def _under(found: Trace, step: Step, option: Option) -> Trace:
         score=option.score,
         steps=tuple(again if one is step else one for one in found.steps),
     )
-
-
-def _as_good(other: Score, score: Score) -> bool:
-    """Whether one model loses no more than its standard error to the other in unseen trials.
-
-    By one error, as the more likely of twins is taken: a share of the gain that no reader would
-    notice may be many errors, and then the trials do tell.
-    """
-    lost, error = compare(other.losses, score.losses)
-    return lost <= error

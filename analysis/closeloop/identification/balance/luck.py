@@ -3,7 +3,13 @@
 import numpy as np
 from scipy.stats import norm
 
-from analysis.closeloop.identification.balance.regression import Rows, compare, rank_z, takes_all
+from analysis.closeloop.identification.balance.regression import (
+    Rows,
+    Score,
+    compare,
+    rank_z,
+    takes_all,
+)
 
 #: A gain must exceed this many of its standard errors: some 30 candidates at each of three steps.
 MIN_Z = 4.0
@@ -66,6 +72,17 @@ def more_than_luck(
     if gain > LARGE_Z * error and wins_in_folds(worse, better, fold_of_block):
         return True
     return wins_in_folds(worse, better, fold_of_block, least=1) and rank_z(worse, better) > least_z
+
+
+def predicts_as_well(other: Score, score: Score) -> bool:
+    """Whether one model loses no more than its standard error to the other in unseen trials.
+
+    By one error, as the simpler of two models or the more likely of twins is taken (Breiman,
+    Friedman, Olshen and Stone 1984, section 3.4.3): a share of the gain that no reader would
+    notice may be many errors, and then the trials do tell.
+    """
+    lost, error = compare(other.losses, score.losses)
+    return lost <= error
 
 
 def wins_in_folds(

@@ -11,7 +11,11 @@ as well as the best is taken.
 from collections.abc import Iterator
 from dataclasses import replace
 
-from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
+from analysis.closeloop.identification.balance.luck import (
+    ALONE_Z,
+    more_than_luck,
+    predicts_as_well,
+)
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -59,18 +63,13 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     if not laws:
         return grown
     best = min(laws, key=lambda law: law.score.loss)
-    as_good = []
-    for law in laws:
-        lost, error = compare(law.score.losses, best.score.losses)
-        if lost <= error:
-            as_good.append(law)
+    as_good = [law for law in laws if predicts_as_well(law.score, best.score)]
     taken = min(as_good, key=lambda law: (law.candidate.effect.complexity, law.score.loss))
     if [s.key for s in own] == [taken.candidate.key]:
         return grown
-    fewer = sum(s.taken.candidate.effect.complexity for s in own)
-    if taken.candidate.effect.complexity < fewer:
-        lost, error = compare(taken.score.losses, current.losses)
-        if lost > error:
+    named = sum(s.taken.candidate.effect.complexity for s in own)
+    if taken.candidate.effect.complexity < named:
+        if not predicts_as_well(taken.score, current):
             return grown
     elif not more_than_luck(current.losses, taken.score.losses, rows.fold_of_block, ALONE_Z):
         return grown
@@ -132,10 +131,8 @@ def _beside(rest: Model, candidate: Candidate, theta: Theta, rows: Rows) -> Mode
 
 def _turning_as_fits(law: Option, rest: Model, rows: Rows) -> Model:
     """Return the model with a law that turns over the velocity that fits best without winding."""
-    names = {parameter.name for parameter in law.candidate.effect.nonlinear}
-    turns = [p for p in law.candidate.effect.nonlinear if p.name in TURNS & names]
     found = [law.model]
-    for parameter in turns:
+    for parameter in (p for p in law.candidate.effect.nonlinear if p.name in TURNS):
         for value in parameter.grid:
             theta = {**law.theta, parameter.name: value}
             model = _beside(rest, law.candidate, theta, rows)
