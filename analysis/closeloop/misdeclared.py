@@ -24,6 +24,8 @@ LEAVES = 0.5
 BALANCED = 0.8
 #: Share of an effort's variance below which what is left says nothing.
 LITTLE = 0.1
+#: Least travel, rad or m: what moves less hardly feels but what the joints beside it do.
+TRAVEL = 0.2
 #: Width of the step of friction, over the root mean square of the velocity.
 STEP = 0.05
 #: Standard gravity, m/s2.
@@ -42,11 +44,18 @@ class Joint:
     static: np.ndarray
     #: What holds it in one m/s2 of gravity along x, y and z, (r, 3).
     weight: np.ndarray
+    #: Where it is, from its middle, (r,).
+    position: np.ndarray
     #: Velocity, its direction, acceleration, and a constant of either sign, (r, 5).
     unknown: np.ndarray
 
     def left(
-        self, effort: np.ndarray, gravity: np.ndarray | None = None, *, balanced: bool = False
+        self,
+        effort: np.ndarray,
+        gravity: np.ndarray | None = None,
+        *,
+        balanced: bool = False,
+        sprung: bool = False,
     ) -> float:
         """Return the share of an effort's variance that this joint's torque leaves of it.
 
@@ -54,10 +63,12 @@ class Joint:
             effort: its own or another's, (r,).
             gravity: further gravity, m/s2, (3,).
             balanced: whether something may pull harder than the links, the other way.
+            sprung: whether a spring may.
         """
         known = self.declared if gravity is None else self.declared + self.weight @ gravity
         # Inertia resists with a counterweight, too.
         pulling = [self.static, -self.static] if balanced else []
+        pulling += [self.position, -self.position] if sprung else []
         table = np.column_stack([known, *pulling, self.unknown, effort - effort.mean()])
         # Nothing but the constants may be negative: links, friction and inertia resist.
         triangle = np.asarray(np.linalg.qr(table, mode="r"))
@@ -118,7 +129,8 @@ def _moved(recording: Recording) -> Iterator[Joint]:
             [velocity, np.tanh(velocity / (STEP * spread)), recording.acceleration[:, number]]
         )
         links = [recording.rigid[:, number], recording.static[:, number], recording.weight(number)]
-        table = recording.filtered(np.column_stack([*links, unknown]))[rows]
+        position = recording.position[:, number] - recording.position[rows, number].mean()
+        table = recording.filtered(np.column_stack([*links, unknown, position]))[rows]
         yield Joint(
             number=number,
             name=recording.name(number),
@@ -126,14 +138,17 @@ def _moved(recording: Recording) -> Iterator[Joint]:
             declared=table[:, 0],
             static=table[:, 1],
             weight=table[:, 2:5],
-            unknown=np.column_stack([table[:, 5:], one[rows], -one[rows]]),
+            position=table[:, -1],
+            unknown=np.column_stack([table[:, 5:-1], one[rows], -one[rows]]),
         )
 
 
 def _wrong_columns(joints: list[Joint]) -> tuple[list[tuple[str, str]], float]:
     """Return joints whose effort is another's or turned round, with why, and what then is left."""
     own = {joint.number: joint.left(joint.effort) for joint in joints}
-    doubtful = [joint for joint in joints if own[joint.number] > LITTLE]
+    doubtful = [
+        joint for joint in joints if own[joint.number] > LITTLE and np.ptp(joint.position) > TRAVEL
+    ]
     left, found = dict(own), []
     for joint in doubtful:
         turned = joint.left(-joint.effort)
@@ -165,14 +180,17 @@ def _wrong_columns(joints: list[Joint]) -> tuple[list[tuple[str, str]], float]:
 
 
 def _other_gravity(recording: Recording, joints: list[Joint]) -> tuple[str, float] | None:
-    """Return which gravity explains all joints better, and what it leaves; None if none does."""
+    """Return which gravity explains all joints better, and what it leaves; None if none does.
+
+    Each beside a spring at every joint, which pulls as another gravity does over a short way.
+    """
     declared = recording.gravity
     ways = [np.zeros(3), *(sign * STANDARD * axis for axis in np.eye(3) for sign in (1.0, -1.0))]
     ways = [way for way in ways if np.linalg.norm(way - declared) > 0.1 * STANDARD]
-    before = sum(joint.left(joint.effort) for joint in joints)
+    before = sum(joint.left(joint.effort, sprung=True) for joint in joints)
     if before <= LITTLE * len(joints):
         return None
-    left = [sum(j.left(j.effort, way - declared) for j in joints) for way in ways]
+    left = [sum(j.left(j.effort, way - declared, sprung=True) for j in joints) for way in ways]
     best = int(np.argmin(left))
     if left[best] >= LEAVES * before:
         return None
@@ -180,7 +198,7 @@ def _other_gravity(recording: Recording, joints: list[Joint]) -> tuple[str, floa
     sentence = (
         f"the joints move as in a gravity of [{found}] m/s2: that leaves "
         f"{left[best] / len(joints):.0%} of the efforts' variance, the declared [{told}] leaves "
-        f"{before / len(joints):.0%}; is the device mounted another way, or its effort logged "
-        "after gravity compensation?"
+        f"{before / len(joints):.0%}; is the device mounted another way, does something "
+        "balance it, or is its effort logged after gravity compensation?"
     )
     return sentence, left[best]

@@ -28,7 +28,8 @@ def check_signs(recording: Recording) -> None:
         rows = in_motion(recording, joint)
         if int(rows.sum()) < LEAST_MOTION * recording.rate or _moved_once(recording, rows):
             continue
-        effort, known = recording.effort[rows, joint], recording.inverse[rows, joint]
+        # Without declared friction, which may be too high: its sign has its own unknown.
+        effort, known = recording.effort[rows, joint], recording.rigid[rows, joint]
         velocity, unknown = recording.velocity[rows, joint], unknown_columns(recording, joint)[rows]
         table = np.column_stack([known, unknown])
         found = np.linalg.lstsq(table, effort, rcond=None)[0]

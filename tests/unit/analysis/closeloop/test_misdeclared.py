@@ -10,6 +10,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.misdeclared import check_declared, doubtful_gravity
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.signs import check_signs
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import rich_recording
@@ -74,6 +75,31 @@ def test_another_gravity_is_said_and_is_no_wrong_sign(robot: Recording) -> None:
     check_declared(upside_down)
     (said,) = doubtful_gravity(upside_down)
     assert said.startswith("the joints move as in a gravity of [0, 0, 9.81] m/s2")
+
+
+def test_a_spring_is_no_other_gravity(robot: Recording) -> None:
+    # Of an opponent: 4 Nm/rad about an axis were gravity along x.
+    pulled = robot.effort + robot.filtered(6.0 * (robot.position - robot.position.mean(axis=0)))
+    assert doubtful_gravity(replace(robot, effort=pulled, cache={})) == []
+
+
+def test_of_a_joint_that_hardly_moves_no_sign_is_asked(robot: Recording) -> None:
+    # Of an opponent: a tool beside the roll axis of a SCARA, which moved by 0.01 rad.
+    small = np.array(robot.position)
+    small[:, 1] = 1.0 + 0.05 * (small[:, 1] - 1.0)
+    still = with_efforts(moved(robot, small, 200.0), robot.effort)
+    sign = np.array([1.0, -1.0])
+    turned = replace(still, effort=still.filtered(still.inverse * sign), cache={})
+    check_declared(turned)
+
+
+def test_declared_friction_that_is_too_high_is_no_wrong_sign(robot: Recording) -> None:
+    spec = mujoco.MjSpec.from_string(mjcf(Arm()))
+    for name in ("shoulder", "elbow"):
+        spec.joint(name).frictionloss = 3.0 * COULOMB
+    rubbing = replace(robot, device=Device(spec, ()), cache={})
+    check_declared(rubbing)
+    check_signs(rubbing)
 
 
 def test_a_model_that_holds_its_own_links_is_pointed_at(robot: Recording) -> None:
