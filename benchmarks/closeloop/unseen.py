@@ -1,11 +1,12 @@
-"""Recordings of two real arms that nothing was set on: what is named, and how true it is.
+"""Further recordings of two real arms: what is named, and how true it is.
 
 `python -m benchmarks.closeloop.unseen FOLDER`
 
-FOLDER is a clone of github SedkiLmm/dynamic-identification (MIT licence). It holds further
-recordings of the UR10e of Mamedov and Mikhel 2020 (of which nine were used while this was built;
-its URDF is looked for where `tests.testbed.sessions.recordings` says), and a Kinova Gen3, each
-joint alone and all together, with torque by current and, in one recording, by torque sensors.
+FOLDER is a clone of github SedkiLmm/dynamic-identification (MIT licence). It holds recordings of
+the UR10e of Mamedov and Mikhel 2020 and of a Kinova Gen3, each joint alone and all together, with
+torque by current and, in one recording, by torque sensors. Nine of the UR10e's were used while this
+was built, of which three are here: two joints alone, and the first pose's pushes. Its URDF is
+looked for where `tests.testbed.sessions.recordings` says.
 """
 
 import argparse
