@@ -12,7 +12,7 @@ READERS: Mapping[str, Callable[[Path], Log]] = {
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".log"), text.read),
     ".mat": matlab.read,
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read),
-    **dict.fromkeys((".bag", ".mcap"), ros.read),
+    **dict.fromkeys((".bag", ".mcap", ".db3"), ros.read),
 }
 
 
@@ -31,8 +31,6 @@ def read_log(path: Path) -> Log:
                 "is a folder without the metadata.yaml of a ROS 2 bag", file=path.name
             )
         return ros.read(path)
-    if path.suffix == ".db3":
-        raise SessionError("is part of a ROS 2 bag: give the folder that it is in", file=path.name)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise SessionError(f"ends in none of {', '.join(READERS)}", file=path.name)

@@ -93,12 +93,13 @@ def write_bag(path: Path, *, ros1: bool = False, mcap: bool = False) -> None:
                 writer.write(heat, at, encode(types[number](data=20.0 + n), number))
 
 
-@pytest.mark.parametrize("kind", ["ros1", "ros2", "mcap folder", "mcap file"])
+@pytest.mark.parametrize("kind", ["ros1", "ros2", "ros2 file", "mcap folder", "mcap file"])
 def test_bags_of_ros_1_ros_2_and_mcap(tmp_path: Path, kind: str) -> None:
     pytest.importorskip("rosbags", reason="needs the extra logs")
     path = tmp_path / ("log.bag" if kind == "ros1" else "log")
     write_bag(path, ros1=kind == "ros1", mcap=kind.startswith("mcap"))
-    log = read_log(path / "log.mcap" if kind == "mcap file" else path)
+    alone = {"mcap file": "log.mcap", "ros2 file": "log.db3"}
+    log = read_log(path / alone.get(kind, ""))
     found = {channel.name: channel for channel in log.channels}
     assert list(found) == [
         *("elbow.position", "wrist.position", "elbow.velocity", "wrist.velocity"),
@@ -121,7 +122,7 @@ def test_bags_of_ros_1_ros_2_and_mcap(tmp_path: Path, kind: str) -> None:
         ("log.bag", b"nothing", "ROS bag"),
         ("log.mcap", b"nothing", "ROS bag"),
         ("log.mcap", b"\x89MCAP0\r\n", "damaged"),
-        ("log.db3", b"nothing", "folder"),
+        ("log.db3", b"nothing", "ROS bag"),
         ("log.pdf", b"nothing", "ends in none of"),
     ],
 )
