@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session import urdf
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import SESSION_FILE, inside, read_text
@@ -46,12 +47,18 @@ def load_device(session: Session) -> Device:
     Raises:
         SessionError: the model cannot be used, or a name is not in it.
     """
+    mended: tuple[str, ...] = ()
     if session.model == NOMINAL:
         spec = nominal_spec(height_m=session.height_m, mass_kg=session.mass_kg)
     else:
-        spec = _read_model(inside(session.folder, session.model, field_name="model"), session.model)
-    unread = tuple(without_applied(spec))
-    device = Device(spec=spec, ignored_joints=session.ignored_joints, unread_effects=unread)
+        path = inside(session.folder, session.model, field_name="model")
+        spec, mended = _read_model(path, session.model)
+    device = Device(
+        spec=spec,
+        ignored_joints=session.ignored_joints,
+        unread_effects=tuple(without_applied(spec)),
+        mended_links=mended,
+    )
     try:
         joint_types = device.model.jnt_type
     except ValueError as error:
@@ -120,14 +127,16 @@ def _known(name: str, names: tuple[str, ...], where: str) -> None:
         )
 
 
-def _read_model(path: Path, name: str) -> mujoco.MjSpec:
+def _read_model(path: Path, name: str) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
+    """Return the model of a file, and the links whose inertia no body has."""
+    mended: tuple[str, ...] = ()
     text = read_text(path, name, MAX_MODEL_BYTES)
     try:
         root = parse_model(text, lambda detail: SessionError(detail, file=name))
     except XmlError as error:
         raise SessionError(f"is not XML: {error}", file=name, line=error.line) from None
     if root.tag == "robot":
-        _prepare_urdf(root)
+        mended = urdf.prepare(root, name)
     else:
         _leave_out_drawing(root, name)
     _check_masses(root, name)
@@ -148,7 +157,7 @@ def _read_model(path: Path, name: str) -> mujoco.MjSpec:
             custom.set("data", custom.text)
             custom.text = None
     try:
-        return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+        return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode")), mended
     except ValueError as error:
         raise _refused(error, name) from None
 
@@ -204,24 +213,6 @@ def _is_mesh(geom: ElementTree.Element) -> bool:
 def _has_inertia(body: ElementTree.Element) -> bool:
     """Whether a body states its inertia, or hangs on nothing that moves and needs none."""
     return body.find("inertial") is not None or body.find("joint") is None
-
-
-def _prepare_urdf(root: ElementTree.Element) -> None:
-    """Leave the links and joints of a URDF file, without geometry.
-
-    Every link stays a body, so that a load can hang on it by its name. What else the file holds is
-    for simulators and drivers (`gazebo`, `transmission`, `ros2_control`).
-    """
-    for part in [*root]:
-        if part.tag not in ("link", "joint"):
-            root.remove(part)
-        for drawn in [*part.findall("visual"), *part.findall("collision")]:
-            part.remove(drawn)
-    ElementTree.SubElement(
-        ElementTree.SubElement(root, "mujoco"),
-        "compiler",
-        {"fusestatic": "false"},
-    )
 
 
 def _refused(error: ValueError, name: str) -> SessionError:

@@ -1,0 +1,90 @@
+"""What of a URDF file a session reads: links and joints, with inertias that a body can have.
+
+Published files hold frames between two joints without any mass, last links without inertia, and
+tensors that were rounded, or mistyped, until no body has them. MuJoCo refuses each.
+"""
+
+from xml.etree import ElementTree
+
+import numpy as np
+
+from analysis.closeloop.errors import SessionError
+
+#: kg and kg m2: what a moving link gets if it says none; nothing that is felt.
+LEAST = "1e-12"
+#: Share of a link's largest moment of inertia, and kg m2, by which a change of it is worth a word.
+TOLD_SHARE, TOLD_INERTIA = 0.01, 1e-6
+#: Least second moment of mass, over the largest: MuJoCo's own tests round.
+THIN = 1e-6
+#: Entries of a tensor in the file's words, by row and column.
+ENTRIES = {
+    "ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2),
+}  # fmt: skip
+
+
+def prepare(root: ElementTree.Element, name: str) -> tuple[str, ...]:
+    """Leave links and joints, without geometry, and mend inertias that no body has.
+
+    Every link stays a body, so that a load can hang on it by its name. What else the file holds is
+    for simulators and drivers (`gazebo`, `transmission`, `ros2_control`).
+
+    Args:
+        root: of the file, changed in place.
+        name: of the file, for errors.
+
+    Returns:
+        The links whose inertia was changed by more than rounding.
+
+    Raises:
+        SessionError: a link has a negative moment of inertia.
+    """
+    mended = []
+    for part in [*root]:
+        if part.tag not in ("link", "joint"):
+            root.remove(part)
+        for drawn in [*part.findall("visual"), *part.findall("collision")]:
+            part.remove(drawn)
+        inertia = part.find("inertial/inertia")
+        if part.tag == "link" and inertia is not None and _mend(inertia, part, name):
+            mended.append(part.get("name", ""))
+    options = {"fusestatic": "false", "boundmass": LEAST, "boundinertia": LEAST}
+    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", options)
+    return tuple(mended)
+
+
+def _mend(inertia: ElementTree.Element, link: ElementTree.Element, name: str) -> bool:
+    """Write the nearest tensor that a body can have; return whether that is another one."""
+    tensor = np.zeros((3, 3))
+    try:
+        for key, (row, column) in ENTRIES.items():
+            tensor[row, column] = tensor[column, row] = float(inertia.get(key, "0"))
+    except ValueError:
+        return False  # MuJoCo says which word is no number.
+    if not np.isfinite(tensor).all():
+        return False
+    if (np.diag(tensor) < 0.0).any():
+        why = f"<inertia> of link {link.get('name', '')[:60]!r} has a moment below 0"
+        raise SessionError(why, file=name)
+    nearest = consistent(tensor)
+    if np.array_equal(nearest, tensor):
+        return False
+    for key, (row, column) in ENTRIES.items():
+        inertia.set(key, repr(float(nearest[row, column])))
+    change = float(np.abs(nearest - tensor).max())
+    return change > max(TOLD_SHARE * float(np.abs(tensor).max()), TOLD_INERTIA)
+
+
+def consistent(tensor: np.ndarray) -> np.ndarray:
+    """Return the tensor of inertia that a body can have nearest to one, (3, 3), kg m2.
+
+    Its second moments of mass, (trace / 2) 1 - tensor, have no negative eigenvalue (Traversaro,
+    Brossette, Escande and Nori 2016, Identification of fully physical consistent inertial
+    parameters using optimization on manifolds); those below are set to next to nothing.
+    """
+    moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
+    values, axes = np.linalg.eigh(moments)
+    least = THIN * values[-1]
+    if values[0] >= least:
+        return tensor
+    nearest = (axes * np.maximum(values, least)) @ axes.T
+    return np.asarray(np.trace(nearest) * np.eye(3) - nearest)

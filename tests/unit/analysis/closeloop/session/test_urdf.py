@@ -1,0 +1,75 @@
+"""Inertias of published URDF files: read as a body can have them, and told where that is new."""
+
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.urdf import consistent, prepare
+
+LINK = """<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{xx}" iyy="{yy}"
+  izz="{zz}" ixy="{xy}" ixz="0" iyz="0"/></inertial></link>"""
+
+
+def arm(tip: str) -> ElementTree.Element:
+    """Return an arm of two joints with a frame between them that has no mass."""
+    return ElementTree.fromstring(f"""<robot name="arm">
+      <link name="base"/><link name="between"/>{tip}
+      <joint name="first" type="continuous"><parent link="base"/><child link="between"/></joint>
+      <joint name="second" type="continuous"><parent link="between"/><child link="tip"/>
+        <axis xyz="0 1 0"/></joint></robot>""")
+
+
+def link(xx: float, yy: float, zz: float, xy: float = 0.0, mass: float = 0.2) -> str:
+    return LINK.format(name="tip", mass=mass, xx=xx, yy=yy, zz=zz, xy=xy)
+
+
+def moments(root: ElementTree.Element) -> np.ndarray:
+    """Return the tip's principal moments as MuJoCo reads them, largest first."""
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    return np.asarray(spec.compile().body("tip").inertia)
+
+
+def test_links_without_mass_or_inertia_move_and_weigh_nothing() -> None:
+    root = arm(link(0.0, 0.0, 0.0))
+    assert prepare(root, "arm.urdf") == ()
+    assert moments(root) == pytest.approx([0.0, 0.0, 0.0], abs=1e-8)
+
+
+def test_a_tensor_that_no_body_has_becomes_the_nearest_that_one_can_have_and_is_told() -> None:
+    root = arm(link(1.0, 1.0, 3.0))
+    assert prepare(root, "arm.urdf") == ("tip",)
+    # Second moments of mass 1.5, 1.5 and -0.5, of which the last is set to zero.
+    assert moments(root) == pytest.approx([3.0, 1.5, 1.5], rel=1e-5)
+
+
+def test_a_thin_rod_is_read() -> None:
+    root = arm(link(0.0, 0.1, 0.1))
+    assert prepare(root, "arm.urdf") == ()
+    assert moments(root) == pytest.approx([0.1, 0.1, 0.0], abs=1e-6)
+
+
+def test_an_antennas_nonsense_is_read_and_is_not_worth_a_word() -> None:
+    """As of the mobile base of TIAGo: a milligram's products of inertia larger than its moments."""
+    root = arm(link(2.371e-8, 2.833e-8, 3.849e-8, xy=6.119e-8, mass=1e-6))
+    assert prepare(root, "arm.urdf") == ()
+    moments(root)
+
+
+def test_what_a_body_can_have_stays_to_the_last_digit() -> None:
+    turned = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+    whole = turned @ np.diag([0.1, 0.2, 0.25]) @ turned.T
+    assert consistent(whole) is whole
+    root = arm(link(0.1, 0.2, 0.25))
+    before = ElementTree.tostring(root.find("link[@name='tip']/inertial/inertia"))
+    assert prepare(root, "arm.urdf") == ()
+    assert ElementTree.tostring(root.find("link[@name='tip']/inertial/inertia")) == before
+
+
+def test_a_moment_below_zero_is_refused_with_its_link() -> None:
+    with pytest.raises(
+        SessionError, match=r"arm\.urdf: <inertia> of link 'tip' has a moment below"
+    ):
+        prepare(arm(link(-0.1, 0.2, 0.25)), "arm.urdf")
