@@ -99,13 +99,26 @@ def print_json(content: Any) -> None:
     print(json_text(content), flush=True)
 
 
+#: Characters that no table needs.
+ANY_WIDTH = 10_000
+
+
 def print_rows(columns: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print what `rows` have under `columns` as a table."""
+    """Print what `rows` have under `columns`: a table, or where that is too wide lines."""
     from rich.console import Console
 
     from rehyb.display import plain_table
 
+    console = Console()
     table = plain_table(*columns)
     for row in rows:
         table.add_row(*(str(row.get(column, "")) for column in columns))
-    Console().print(table)
+    if console.measure(table, options=console.options.update(width=ANY_WIDTH)).maximum <= (
+        console.width
+    ):
+        console.print(table)
+        return
+    name, *others = columns
+    for row in rows:
+        said = [f"{other} {row[other]}" for other in others if row.get(other, "") not in ("", None)]
+        console.print(f"{row[name]}: {', '.join(said)}", soft_wrap=True, markup=False)

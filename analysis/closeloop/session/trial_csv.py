@@ -16,8 +16,11 @@ from analysis.closeloop.session.columns import (
 )
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.files import read_text
+from intake.xml import listed
 
 TIME = "time"
+#: Endings of logs that hold no text, which `rehyb inspect` reads.
+LOGS = (".bag", ".mcap", ".db3", ".mat", ".h5", ".hdf5")
 MAX_BYTES = 400_000_000
 MAX_COLUMNS = 500
 MIN_SAMPLES = 50
@@ -41,6 +44,11 @@ def read_trial(
     Raises:
         SessionError: the file cannot be used.
     """
+    if Path(trial.file).suffix in LOGS:
+        raise SessionError(
+            f"is no CSV file: `rehyb inspect {trial.file} --out DIR` writes one of it",
+            file=trial.file,
+        )
     text = read_text(folder / trial.file, trial.file, MAX_BYTES)
     if "\0" in text:
         line = text[: text.index("\0")].count("\n") + 1
@@ -103,7 +111,7 @@ def _check_header(
             raise SessionError(f"column {number + 1} has no name", file=file, line=1)
         if name in names[:number]:
             raise SessionError("stands twice in the header", file=file, column=name, line=1)
-    hint = "or list the joint in ignored_joints of session.json"
+    hint = "or list a joint that no trial records in ignored_joints of session.json"
     needed = {TIME: f"the header needs a column {TIME}"}
     for joint in joints:
         position = f"{joint}.position"
@@ -117,9 +125,11 @@ def _check_header(
         needed.setdefault(
             efforts[0], f"at least one joint needs its motor torque ({', '.join(efforts)})"
         )
-    for name, why in needed.items():
-        if name not in names:
-            raise SessionError(f"is missing; {why}", file=file, column=name, line=1)
+    missing = [name for name in needed if name not in names]
+    if missing:
+        name, *others = missing
+        too = f"; so are {listed(others)}" if others else ""
+        raise SessionError(f"is missing; {needed[name]}{too}", file=file, column=name, line=1)
 
 
 def _numbers(body: str, names: list[str], file: str) -> tuple[np.ndarray, np.ndarray, list[str]]:

@@ -98,6 +98,12 @@ def recorded_once(path: Path) -> None:
     words(trials=[{"file": "a.csv"}, {"file": "b.csv", "role": "holdout"}])(path)
 
 
+def bag(path: Path) -> None:
+    """Give a robot's log as it is for a trial."""
+    (path / "a.mcap").write_bytes(b"\x89MCAP0\r\n")
+    words(trials=[{"file": "a.mcap"}])(path)
+
+
 BAD: dict[str, tuple[Spoil, str]] = {
     # session.json
     "no session.json": (lambda p: (p / "session.json").unlink(), "session.json: there is no such"),
@@ -120,6 +126,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "a link out of the folder": (linked("a.csv", "../outside/secret.csv"), "leaves the session's"),
     "a model that is a link": (linked("device.xml", "../outside/secret.xml"), "leaves the session"),
     "a session that is a link": (linked("session.json", "../outside/secret.json"), "leaves the"),
+    "a bag for a trial": (bag, "is no CSV file: `rehyb inspect a.mcap --out DIR` writes one"),
     "a link to itself": (linked("a.csv", "a.csv"), "cannot be the name of a file|no such file"),
     "trials as an object": (words(trials={"file": "a.csv"}), "trials must list"),
     "a trial as text": (words(trials=["a.csv"]), r"trials\[0\] must be an object"),
@@ -241,6 +248,10 @@ BAD: dict[str, tuple[Spoil, str]] = {
     ),
     # a trial
     "an empty trial": (csv_bytes(b""), "a.csv, column time, line 1"),
+    "a log of another robot": (
+        csv_text(lambda t: t.replace("shoulder.", "neck.", 1).replace("elbow.", "hip.")),
+        r"shoulder.position.*is missing.*so are elbow.position, elbow.effort",
+    ),
     "a header alone": (csv_text(lambda t: t.split("\n")[0]), "has 0 samples"),
     "a few samples": (csv_text(lambda t: "\n".join(t.split("\n")[:30])), "has 29 samples"),
     "a table of UTF-16": (csv_bytes(HEADER.encode("utf-16")), "not UTF-8"),

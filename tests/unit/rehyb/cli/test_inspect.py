@@ -57,6 +57,14 @@ def test_the_table_names_every_channel_and_what_is_left_to_settle(tmp_path: Path
     assert "deg/s" in ran.stdout and "no header" in ran.stdout
 
 
+def test_a_terminal_too_narrow_for_the_table_gets_a_line_for_each_channel(tmp_path: Path) -> None:
+    ran = CliRunner().invoke(app, ["inspect", str(log(tmp_path))], env={"COLUMNS": "70"})
+    lines = ran.stdout.splitlines()
+    assert ran.exit_code == 0
+    (line,) = (line for line in lines if line.startswith("column 2: "))
+    assert "seems position, joint joint_1, unit deg?" in line and "why" in line
+
+
 def test_bad_input_is_one_sentence_and_writes_nothing(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("hello\nworld\n")
     out = tmp_path / "session"
