@@ -29,9 +29,13 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
     found, beyond = outcome.trace, outcome.oscillations
     recording, left = found.rows.recording, found.explainable_after
     entries = {}
+    rubbing = {term.joint for term in found.model.terms if term.rubs}
     for joint in recording.joints:
         name = recording.name(joint)
-        own = [e for e in outcome.recorded.after if e.joint == joint and len(e.time) > 1]
+        own = [e for e in outcome.recorded.after if e.joint == joint]
+        if joint in rubbing:
+            own = [_in_motion(recording, error) for error in own]
+        own = [error for error in own if len(error.time) > 1]
         if not own:
             continue
         events = event_entries(recording, [e for e in outcome.events if e.joint == joint])
@@ -179,6 +183,14 @@ def not_settled(outcome: Outcome) -> list[str]:
             "as those do, at two or more speeds"
         )
     return lines
+
+
+def _in_motion(recording: Recording, error: TrialError) -> TrialError:
+    """Return the error where the joint moves: at rest its friction has any value."""
+    own = recording.trial == error.trial
+    clock, turning = recording.time[own], recording.turning(error.joint)[own]
+    nearest = np.minimum(np.searchsorted(clock, error.time), len(clock) - 1)
+    return error.where(~turning[nearest])
 
 
 def _mean_square(error: TrialError) -> float:

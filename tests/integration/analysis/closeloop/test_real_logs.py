@@ -8,6 +8,7 @@ import pytest
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
+from analysis.closeloop.loop import close_loop
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.small import HEADER, rows
@@ -72,6 +73,13 @@ def test_a_urdf_file_with_meshes_and_drivers_is_the_same_arm(tmp_path: Path) -> 
     assert theirs.device.joints == ("shoulder", "elbow")
     assert {"base", "forearm", "tool"} <= set(theirs.device.bodies)
     assert theirs.inverse[:, 1] == pytest.approx(ours.inverse[:, 1], abs=1e-9)
+
+
+def test_a_link_whose_inertia_no_body_has_is_told_of(tmp_path: Path) -> None:
+    """Before, MuJoCo refused it; public robots' files have such links."""
+    odd = URDF.replace('ixx="0.01" iyy="0.02" izz="0.02"', 'ixx="0.01" iyy="0.02" izz="0.05"')
+    recording = load_session(written(tmp_path / "a", rows(), model=odd))
+    assert recording.device.mended_links == ("upper",)
 
 
 def test_meshes_of_an_mjcf_file_are_left_out_and_its_inertias_kept(tmp_path: Path) -> None:
@@ -192,3 +200,42 @@ def test_a_wrong_part_of_a_file_is_one_sentence(
 ) -> None:
     with pytest.raises(SessionError, match=words):
         load_session(written(tmp_path / "a", rows(), trials=trials))
+
+
+def test_friction_that_a_held_joint_lets_go_is_nothing_unexplained(tmp_path: Path) -> None:
+    """A Staubli TX40 held still after its held-out movements: friction at rest has any value."""
+    joint = '<joint name="elbow" axis="0 -1 0"/>'
+    body = (
+        f'<body name="forearm">{joint}<geom type="sphere" size=".1" mass="2" pos=".2 0 0"/></body>'
+    )
+    rng, time = np.random.default_rng(5), np.arange(0.0, 20.0, 0.005)
+    w = 2 * np.pi * np.array([0.4, 0.9])
+    trials = []
+    for name, phase, role in (("a", 0.0, "fit"), ("b", 1.0, "fit"), ("c", 2.0, "holdout")):
+        angle = (np.array([0.5, 0.2]) * np.sin(time[:, None] * w + phase)).sum(axis=1)
+        if role == "holdout":
+            # It stops where it would have turned around.
+            angle = 0.6 * np.sin(2 * np.pi * 0.5 * np.minimum(time, 12.5))
+        speed = np.gradient(angle, 0.005)
+        load = 2.0 * (0.04 + 0.4 * 0.01) * np.gradient(speed, 0.005) + 2.0 * 9.81 * 0.2 * np.cos(
+            angle
+        )
+        rubbing = 1.5 * np.tanh(speed / 0.05)
+        if role == "holdout":
+            held = time > 12.5
+            rubbing[held] = 1.5 * np.exp(-(time[held] - 12.5))
+        effort = load + rubbing + 0.02 * rng.standard_normal(len(time))
+        np.savetxt(
+            tmp_path / f"{name}.csv",
+            np.column_stack([time, angle, effort]),
+            delimiter=",",
+            header="time,elbow.position,elbow.effort",
+            comments="",
+        )
+        trials.append({"file": f"{name}.csv", "role": role})
+    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    content = {"schema": 1, "model": "arm.xml", "trials": trials}
+    (tmp_path / "session.json").write_text(json.dumps(content))
+    report = close_loop(tmp_path, tmp_path / "out")
+    assert [effect["name"] for effect in report["effects"]] == ["coulomb_friction"]
+    assert report["unexplained"] == {}
