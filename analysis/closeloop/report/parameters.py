@@ -22,6 +22,9 @@ from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Theta
 from sim.effects.motion import RecordedJoint
 
+#: How many times the largest effort and the largest torque of the links together a torque may be
+#: that an effect has: more was never there.
+MOST_TORQUE = 2.0
 #: What friction has besides.
 ITS_LIKE = {"coulomb_friction": "viscous_friction", "viscous_friction": "coulomb_friction"}
 
@@ -118,6 +121,8 @@ def parameters_of(
         else:
             continue
         unit = effect.unit_of(key, theta, joint)
+        if unit in ("Nm", "N"):
+            limits[key] = _within_recorded(limits[key], model, candidate.joint)
         what = effect.parameters[key].description
         if not np.isfinite(value):
             entries[key] = {"value": None, "ci90": None, "unit": unit, "description": what}
@@ -128,6 +133,14 @@ def parameters_of(
         if free is not None and part.candidate is not None and not signed:
             entries[key] |= {"free": free, "limits": limits[key]}
     return entries
+
+
+def _within_recorded(limits: tuple[float, float], model: Model, joint: int) -> tuple[float, float]:
+    """Return the limits of a torque, no further than what the trials can have held, Nm or N."""
+    recording = model.recording
+    largest = np.nanmax(np.abs(recording.effort[:, joint]), initial=0.0)
+    most = MOST_TORQUE * float(largest + np.abs(recording.rigid[:, joint]).max())
+    return max(limits[0], -most), min(limits[1], most)
 
 
 def _is_difference(model: Model, part: Term | Channel) -> bool:

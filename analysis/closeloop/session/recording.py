@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.link_torque import ChainMotion, chain_motion
-from analysis.closeloop.session.runs import holds, rests
+from analysis.closeloop.session.runs import holds, rests, runs
 from analysis.closeloop.session.signals import (
     LEAST_MEASURED,
     REST_SHARE,
@@ -255,6 +255,25 @@ class Recording:
             last = np.maximum.accumulate(np.where(turned, np.arange(len(sign)), 0))
             out[piece] = sign * (np.arange(len(sign)) - last) / self.rate
         return out
+
+    def movement_seconds(self, joint: int) -> float:
+        """Return how long a joint goes on in one direction, s: the median of the time it takes.
+
+        Infinite for one that never moves.
+        """
+        directions = [np.sign(own) for own in (self.since_reversal(joint)[p] for p in self.slices)]
+        lengths = np.sort(
+            [
+                own.stop - own.start
+                for direction in directions
+                for sign in (1.0, -1.0)
+                for own in runs(direction == sign)
+            ]
+        )
+        if not len(lengths):
+            return np.inf
+        half = int(np.searchsorted(np.cumsum(lengths), 0.5 * lengths.sum()))
+        return float(lengths[half] / self.rate)
 
     def turning(self, joint: int) -> np.ndarray:
         """Return where a joint rests or changes direction, (n,): its friction may be any there."""

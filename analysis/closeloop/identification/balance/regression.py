@@ -17,8 +17,10 @@ from analysis.closeloop.identification.balance.halves import lone_carriers, lone
 from analysis.closeloop.identification.balance.least_squares import fits_without_each, gram_matrices
 from analysis.closeloop.session.recording import Recording
 
-#: Length over which the losses of a comparison are averaged before their spread is taken, s.
-BLOCK_SECONDS = 1.0
+#: Length over which the losses of a comparison are averaged before their spread is taken, s: a
+#: movement in one direction, in which what is left hangs together, but no less and no more than
+#: these. (That a quick robot's are shorter was found on the Staubli TX40.)
+LEAST_BLOCK_SECONDS, BLOCK_SECONDS = 0.5, 1.0
 #: Folds when all fit trials share one group: stretches of time instead of groups.
 TIME_FOLDS = 6
 #: Folds of blocks that are dealt out in turn, for what may not be asked to extrapolate.
@@ -190,6 +192,8 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
     blocks = 0
     for joint in recording.joints:
         chosen = []
+        movement = recording.movement_seconds(joint)
+        length = float(np.clip(movement, LEAST_BLOCK_SECONDS, BLOCK_SECONDS))
         for piece in recording.slices:
             number = recording.trial_of(piece)
             if number not in trials or np.isnan(recording.effort[piece, joint]).any():
@@ -205,7 +209,7 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
             rows = inside if rests else inside[moving]
             chosen.append(rows)
             clock = recording.time[rows] - recording.time[piece.start]
-            within = (clock / BLOCK_SECONDS).astype(int)
+            within = (clock / length).astype(int)
             block.append(blocks + within)
             blocks += int(within.max()) + 1
             trial.append(np.full(len(rows), number))

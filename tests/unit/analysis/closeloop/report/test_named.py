@@ -190,6 +190,32 @@ def test_what_no_column_gives_ends_where_it_means_something_or_has_no_value() ->
     assert unknown["fitted"] == unsure["value"] and "fitted" not in unsure
 
 
+def offset(spread: float) -> dict[str, Any]:
+    """Return an offset as reported where four trials left out move it by `spread`, Nm."""
+    found = Candidate(effect=BY_NAME["torque_offset"], joint=ELBOW)
+    recording = rich_recording()
+    columns = found.effect.columns(unfitted(recording, ELBOW), {})
+    term = Term(joint=ELBOW, columns=columns, kept=(0,), effect=found.effect, candidate=found)
+    moved = spread * np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0])
+    fits = Fits(
+        coefficients=0.4 + moved[:, None],
+        thetas={},
+        steps=np.ones(1),
+        sizes=(4,),
+        white=(np.eye(1),),
+    )
+    model = Model(recording).with_term(term)
+    return _if_it_can_be(parameters_of(model, np.array([0.4]), fits, term)["torque"])
+
+
+def test_a_torque_that_may_be_larger_than_all_that_was_recorded_has_no_value() -> None:
+    """Beside asymmetric friction a coupling's constant came to 0.4 (-5160 to 5160) Nm."""
+    known, unknown = offset(0.1), offset(3000.0)
+    assert known["value"] == 0.4 and known["ci90"][0] < 0.4 < known["ci90"][1]
+    assert unknown["value"] is None and "spans what it cannot be" in unknown["refused"]
+    assert unknown["fitted"] == 0.4
+
+
 @pytest.mark.parametrize(
     ("cosine", "warned"), [([-0.14, 0.19], True), (None, True), ([0.05, 0.19], False)]
 )
