@@ -37,6 +37,7 @@ EFFECTS: tuple[Effect, ...] = (
     loose_link.Backlash(),
     limb.Thixotropy(),
     coupling.CrossJointCoupling(),
+    coupling.CoupledMotor(),
     friction.Stribeck(),
     friction.Asymmetric(),
     load_friction.DirectionalLoad(),

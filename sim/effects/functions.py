@@ -25,6 +25,7 @@ exp = _either(math.exp, np.exp)
 expm1 = _either(math.expm1, np.expm1)
 cos = _either(math.cos, np.cos)
 sin = _either(math.sin, np.sin)
+tanh = _either(math.tanh, np.tanh)
 magnitude = _either(abs, np.abs)
 
 

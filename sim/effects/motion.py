@@ -172,9 +172,14 @@ class RecordedJoint:
         """What the joint's motor reports, Nm or N; 0 where nothing is recorded."""
         return np.asarray(np.nan_to_num(self.recording.sensed[:, self.number]))
 
+    @property
+    def turning_speed(self) -> float:
+        """Speed below which the direction is smooth, rad/s or m/s."""
+        return self.smooth * self.top_speed
+
     @cached_property
     def direction(self) -> np.ndarray:
-        return np.asarray(np.tanh(self.velocity / (self.smooth * self.top_speed)))
+        return np.asarray(np.tanh(self.velocity / self.turning_speed))
 
     @property
     def time(self) -> np.ndarray:
@@ -253,6 +258,10 @@ class SimulatedMotion:
     @property
     def acceleration(self) -> float:
         return float(self.data.qacc[self.dof])
+
+    @property
+    def turning_speed(self) -> float:
+        return SMOOTH
 
     @property
     def direction(self) -> float:

@@ -1,4 +1,4 @@
-"""Torque that one joint passes to another: tendons, belts, differentials, rotors on other links.
+"""Torque that one joint passes to another: tendons, belts, differentials, motors of two joints.
 
 Coupling by two-joint muscles after Hogan 1985; of transmissions, whose joint torques are the
 transpose of what their motors' speeds are times the motors' torques, and of rotors that sit on
@@ -6,17 +6,29 @@ another link, after Khalil and Dombre 2002 (Modeling, identification and control
 Siciliano et al. 2009 (Robotics: modelling, planning and control, section 7.1).
 """
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from sim.effects.effect import Law, Theta
-from sim.effects.functions import Signal
+from sim.effects.elements import joint_of
+from sim.effects.functions import Signal, tanh
 from sim.effects.motion import Motion, RecordedJoint, Recording
 from sim.effects.parameter import Nonlinear, Parameter, Reading, Values, named
+
+if TYPE_CHECKING:
+    import mujoco
 
 #: Least way of a joint that moves, rad or m.
 MOVING = 5e-3
 #: What a coupling goes by: the other's position and velocity, its acceleration, its effort.
 MOTION, ACCELERATION, EFFORT = 0.0, 1.0, 2.0
+#: Joints between which a motor is looked for that turns with both: those of a wrist.
+WRIST = 2
+#: Whether it turns by the sum or the difference of their ways, and over which width its direction
+#: changes, over the top speed.
+SENSES, WIDTHS = (1.0, -1.0), (0.004, 0.02)
 #: Parameters of each, in the order of the columns.
 FORMS: dict[float, tuple[str, ...]] = {
     MOTION: ("stiffness", "damping", "torque_at_zero"),
@@ -63,7 +75,7 @@ class CrossJointCoupling(Law):
         other_dof=Parameter("1", "number of the other joint"),
         between=Parameter(
             "1",
-            "1 if over the other's position and velocity less the joint's own, as of a belt",
+            "1 if less the joint's own, as of a belt",
             choice=True,
         ),
     )
@@ -119,6 +131,81 @@ class CrossJointCoupling(Law):
             if driven and _recorded(recording, other, beside=number):
                 grid.append({**plain, "by": EFFORT})
         return grid
+
+
+class CoupledMotor(Law):
+    """Friction and rotor of a motor that turns with two joints, as in the wrists of many robots.
+
+    The motor of a wrist's last joint sits behind the joints before it, and turns with them: what it
+    rubs goes by the sum, or the difference, of two speeds, and each of the two joints feels it
+    (Khalil and Dombre 2002, on coupled joints; the Staubli TX40 of Janot, Vandanjon and Gautier
+    2014, A generic instrumental variable approach for industrial robot identification). In a
+    simulation its rotor is inertia of the joint, and a torque by the other's acceleration.
+    """
+
+    name = "coupled_motor"
+    complexity = 4
+    signature = "the residual steps where the speeds of two joints, added or subtracted, are zero"
+    separating_trial = "move the other joint alone, both ways at two speeds"
+    parameters = named(
+        torque=Parameter("Nm", "its Coulomb friction", floor=0.0),
+        damping=Parameter("Nm s/rad", "its viscous friction", floor=0.0),
+        inertia=Parameter("kg m2", "of its rotor", floor=0.0),
+        other_dof=Parameter("1", "number of the other joint"),
+        sense=Parameter("1", "1 for the sum of both joints' speeds, -1 for the difference"),
+    )
+    coefficients = ("torque", "damping", "inertia")
+    lower = (0.0,)
+    nonlinear = (
+        Nonlinear("other_dof"),
+        Nonlinear("sense", SENSES),
+        Nonlinear("smooth", WIDTHS, scaling=0.4),
+    )
+    directed = True
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        own = parameters["inertia"] * motion.acceleration
+        return own + self._beside_own_inertia(parameters, motion)
+
+    def _beside_own_inertia(self, parameters: Values, motion: Motion) -> Signal:
+        other, sense = motion.other(int(parameters["other_dof"])), parameters["sense"]
+        velocity = motion.velocity + sense * other.velocity
+        rubbing = parameters["torque"] * tanh(velocity / motion.turning_speed)
+        rubbing += parameters["damping"] * velocity
+        return rubbing + sense * parameters["inertia"] * other.acceleration
+
+    def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
+        return lambda motion: float(self._beside_own_inertia(parameters, motion))
+
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str | None:
+        joint_of(spec, joint).armature += parameters["inertia"]
+        return super().add(spec, joint, parameters)
+
+    def applies(self, recording: Recording, joint: int) -> bool:
+        return joint not in recording.limbs and bool(_beside_in_wrist(recording, joint))
+
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        return [
+            {"other_dof": float(other), "sense": sense, "smooth": smooth}
+            for other in _beside_in_wrist(joint.recording, joint.number)
+            for sense in SENSES
+            for smooth in WIDTHS
+        ]
+
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        return {name: theta[name] for name in ("other_dof", "sense")}
+
+
+def _beside_in_wrist(recording: Recording, joint: int) -> list[int]:
+    """Return the joints near in the chain that move while this one does, in the same way."""
+    ways = _ways_beside(recording, joint)
+    return [
+        other
+        for other in _others(recording, joint)
+        if abs(other - joint) <= WRIST
+        and ways[other] > MOVING
+        and recording.is_hinge(other) == recording.is_hinge(joint)
+    ]
 
 
 def _others(recording: Recording, joint: int) -> list[int]:

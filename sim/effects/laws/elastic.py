@@ -150,7 +150,7 @@ class HardeningSpring(NonlinearStiffness):
         cubic_stiffness=Parameter("Nm/rad3", "by which the spring hardens; below 0 it softens"),
         centre=Parameter("rad", "angle where it is least stiff", in_joint_frame=True),
         stiffness=Parameter("Nm/rad", "of the spring at that angle"),
-        torque_at_zero=Parameter("Nm", "what the motor adds at position 0 beside the cubic part"),
+        torque_at_zero=Parameter("Nm", "what the motor adds at position 0 besides"),
     )
     coefficients = ("cubic_stiffness", "stiffness", "torque_at_zero")
 

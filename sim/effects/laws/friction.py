@@ -115,8 +115,8 @@ class Stribeck(Friction):
     separating_trial = "creep through the range, much slower than the slowest trial, both ways"
     includes = ("coulomb_friction",)
     parameters = named(
-        torque=size("Nm", 3.0, "friction of the robot's joint when fast"),
-        breakaway_excess=size("Nm", 2.0, "how much more of it there is when slow"),
+        torque=size("Nm", 3.0, "friction when fast"),
+        breakaway_excess=size("Nm", 2.0, "how much more when slow"),
         stribeck_velocity=Parameter(
             "rad/s", "speed at which the excess is lost", 0.02, 0.5, neutral=0.1, floor=1e-3
         ),
@@ -156,7 +156,7 @@ class Asymmetric(Friction):
     separating_trial = "move to and fro at three speeds, with rests at both ends"
     includes = ("coulomb_friction", "viscous_friction")
     parameters = named(
-        torque_positive=size("Nm", 3.0, "friction of the robot's joint in flexion"),
+        torque_positive=size("Nm", 3.0, "friction in flexion"),
         torque_negative=size("Nm", 3.0, "its friction in extension"),
         viscous_difference=size(
             "Nm s/rad", 1.0, "damping in flexion less that in extension", low=-1.0

@@ -247,7 +247,7 @@ class GravityTorque(Law):
         **{
             f"gravity_{way}": Parameter(
                 "m/s2",
-                f"further gravity along the model's {way} axis",
+                f"more gravity along the model's {way}",
                 floor=-TURNED_ROUND,
                 ceiling=TURNED_ROUND,
             )

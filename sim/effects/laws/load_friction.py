@@ -55,7 +55,7 @@ class LoadDependent(Loaded):
     includes = ("coulomb_friction",)
     grows_from = ()
     parameters = named(
-        torque=size("Nm", 3.0, "friction of the robot's joint without load"),
+        torque=size("Nm", 3.0, "friction without load"),
         load_share=replace(
             size("1", 0.3, "further friction over the motor's torque"), ceiling=MAX_LOAD_SHARE
         ),
@@ -82,7 +82,7 @@ class StribeckLoad(Loaded):
     parameters = named(
         torque=Parameter("Nm", "friction without load when fast", floor=0.0),
         load_share=share("further friction over the motor's torque"),
-        breakaway_excess=Parameter("Nm", "how much more there is when slow", floor=0.0),
+        breakaway_excess=Parameter("Nm", "how much more when slow", floor=0.0),
         slow_load_share=share("how much more over the torque when slow"),
         stribeck_velocity=Parameter(
             "rad/s", "speed at which the excess is lost", neutral=0.1, floor=1e-3

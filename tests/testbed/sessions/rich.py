@@ -52,6 +52,7 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     ),
     "thixotropic_stiffness": ({"recovery": 1.5, "distance": 0.5}, (3.0, -2.5)),
     "drift": ({"level_off": 0.6}, (0.3, 0.5)),
+    "coupled_motor": ({"other_dof": 0.0, "sense": 1.0, "smooth": 0.004}, (0.9, 0.4, 0.0)),
     "cross_joint_coupling": ({"other_dof": 0.0, "between": 0.0, "by": 0.0}, (2.0, 0.4, -0.6)),
 }
 
@@ -93,6 +94,13 @@ def swung(
 def rich_elbow(seconds: int = 5) -> Recording:
     """Return the elbow alone of a rich recording."""
     return replace(rich_recording(seconds), joints=(ELBOW,), cache={})
+
+
+def asked(recording: Recording, name: str) -> Recording:
+    """Return the recording as one of which an effect can be asked: without a limb, of some."""
+    if BY_NAME[name].applies(recording, ELBOW):
+        return recording
+    return replace(recording, session=replace(recording.session, limb_joints=()), cache={})
 
 
 def torque(recording: Recording, name: str) -> np.ndarray:

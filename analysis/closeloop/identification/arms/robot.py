@@ -293,12 +293,9 @@ def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[s
         _step(Option(candidate=candidate, model=alone, score=score, gain=0.0, z=0.0), score.loss)
         for candidate in alone.effects
     )
-    # What joints share is not asked of one of them. What is ordinary is, as far as a richer form
-    # has it in it: that would stand for what had nothing to show before the rare was found.
-    every = [c for c in candidates(own.recording) if c.effect.name not in SHARED]
-    rare = [c for c in every if c.effect.name not in ORDINARY]
-    parts = {name for candidate in rare for name in candidate.effect.includes}
-    tried = [c for c in every if c in rare or c.effect.name in parts]
+    # What joints share is not asked of one of them. What is ordinary is: a richer form, or a rare
+    # one, would stand for what had nothing to show before the rare was found.
+    tried = [c for c in candidates(own.recording) if c.effect.name not in SHARED]
     grown, _ = grow(Grown(alone, score, there), own, bare, lambda _: None, tried)
     model = replace(
         model,

@@ -30,6 +30,9 @@ PARAMETERS: dict[str, dict[str, float]] = {
         "stiffness": 3.0, "torque_at_zero": -1.5, "recovery": 1.5, "distance": 0.5,
     },
     "drift": {"rate": 0.1, "time_constant": 100.0, "torque_at_start": 0.4},
+    "coupled_motor": {
+        "torque": 0.5, "damping": 0.2, "inertia": 0.0, "other_dof": 0.0, "sense": -1.0,
+    },
     "cross_joint_coupling": {
         "stiffness": 2.0, "damping": 0.1, "torque_at_zero": -0.6, "other_dof": 0.0,
     },
@@ -133,6 +136,7 @@ def test_a_late_actuator_is_late(name: str) -> None:
         ("thixotropic_stiffness", 1.2, 0.0, -2.1),
         ("drift", 0.0, 0.0, -0.4),
         ("cross_joint_coupling", 0.0, 0.0, 0.6),
+        ("coupled_motor", 0.0, 2.0, -(0.5 + 0.2 * 2.0)),
     ],
 )
 def test_an_applied_torque_is_its_equation(name: str, q: float, v: float, torque: float) -> None:
@@ -185,6 +189,23 @@ def test_a_load_hangs_in_the_model_though_no_joint_felt_one_of_its_ways() -> Non
     assert body.mass[0] == pytest.approx(before.mass[0] + 2.7)
     with pytest.raises(ValueError, match="nothing says where it hangs"):
         BY_NAME["payload"].add(spec(), "elbow", {"mass": 2.7})
+
+
+def test_the_rotor_of_a_motor_of_two_joints_is_inertia_of_its_joint_and_takes_from_the_other() -> (
+    None
+):
+    rotor = {"torque": 0.0, "damping": 0.0, "inertia": 0.02}
+    model = added("coupled_motor", PARAMETERS["coupled_motor"] | rotor)
+    assert model.dof_armature[1] == pytest.approx(0.02)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qacc[:] = [0.3, 0.6], [2.0, -1.0]
+    mujoco.mj_inverse(model, data)
+    data.qfrc_applied[:] = data.qfrc_inverse + np.array([0.0, -0.02 * 2.0])
+    effects = AppliedEffects(model)
+    for _ in range(20):
+        mujoco.mj_forward(model, data)
+        effects.apply(data)
+    assert data.qacc == pytest.approx([2.0, -1.0], rel=1e-6)
 
 
 def coupled(parameters: dict[str, float], *, motor: bool = False) -> mujoco.MjModel:

@@ -22,7 +22,7 @@ from analysis.closeloop.identification.candidates import (
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, EFFECTS
 from sim.effects.effect import Theta
-from tests.testbed.sessions.rich import ELBOW, TRUTH, swung, torque
+from tests.testbed.sessions.rich import ELBOW, TRUTH, asked, swung, torque
 
 #: Three joints about parallel axes.
 CHAIN = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
@@ -34,6 +34,7 @@ CHAIN = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".0
 @pytest.mark.parametrize("name", [effect.name for effect in EFFECTS])
 def test_an_effect_is_found_again_in_rich_data(name: str, recording: Recording) -> None:
     effect, (theta, coefficients) = BY_NAME[name], TRUTH[name]
+    recording = asked(recording, name)
     candidate = Candidate(effect=effect, joint=ELBOW)
     if effect.channel:
         channel = Channel(candidate=candidate, theta=theta)

@@ -1,0 +1,84 @@
+"""A wrist whose last motor turns with the joint before it, as of many industrial arms.
+
+What that motor rubs goes by the sum of two speeds (Staubli TX40: Janot, Vandanjon and Gautier 2014,
+A generic instrumental variable approach for industrial robot identification).
+"""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.loop import close_loop
+
+RATE, MOVEMENT, MOVEMENTS = 500.0, 0.6, 20
+
+
+def speeds(rng: np.random.Generator) -> np.ndarray:
+    """Return trapezoids of random size one way and the other, rad/s, (n,)."""
+    ramp = np.minimum(1.0, np.minimum(np.linspace(0, 5, 300), np.linspace(5, 0, 300)))
+    sign = np.where(rng.random(MOVEMENTS) < 0.5, 1.0, -1.0)
+    return np.concatenate([size * ramp for size in sign * rng.uniform(2.0, 7.0, MOVEMENTS)])
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Return the report of a recorded wrist: 9 s to fit, 3 s held out."""
+    tmp_path = tmp_path_factory.mktemp("wrist")
+    rng = np.random.default_rng(4)
+    v = np.column_stack([speeds(rng), speeds(rng)])
+    q, a = np.cumsum(v, axis=0) / RATE, np.gradient(v, 1 / RATE, axis=0)
+    both, acceleration = v.sum(axis=1), a.sum(axis=1)
+    last = 0.0096 * acceleration + 0.62 * both + 1.95 * np.tanh(both / 0.02)
+    efforts = [
+        0.047 * a[:, 0] + 1.86 * v[:, 0] + 3.0 * np.tanh(v[:, 0] / 0.02) + last,
+        0.0105 * a[:, 1] + 0.65 * v[:, 1] + 0.28 * np.tanh(v[:, 1] / 0.02) + last,
+    ]
+    time = np.arange(len(v)) / RATE
+    noise = 0.2 * rng.standard_normal((len(v), 2))
+    np.savetxt(
+        tmp_path / "motion.csv",
+        np.column_stack([time, q, np.column_stack(efforts) + noise]),
+        delimiter=",",
+        header="time,pitch.position,roll.position,pitch.effort,roll.effort",
+        comments="",
+        fmt="%.9g",
+    )
+    inertial = '<inertial mass="1e-3" pos="0 0 0" diaginertia="1e-6 1e-6 1e-6"/>'
+    (tmp_path / "wrist.xml").write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="hand">'
+        f'<joint name="pitch" axis="0 1 0"/>{inertial}<body name="flange">'
+        f'<joint name="roll" axis="0 0 1"/>{inertial}</body></body></worldbody></mujoco>'
+    )
+    trials = [{"file": "motion.csv", "to": 9.0}]
+    trials.append({"file": "motion.csv", "from": 9.001, "role": "holdout"})
+    content = {"schema": 1, "model": "wrist.xml", "trials": trials}
+    (tmp_path / "session.json").write_text(json.dumps(content))
+    return close_loop(tmp_path, tmp_path / "out")
+
+
+def test_a_motor_that_turns_with_two_joints_is_told_from_what_each_has_of_its_own(
+    report: dict[str, Any],
+) -> None:
+    found = {
+        (effect["name"], effect["joint"]): effect["parameters"] for effect in report["effects"]
+    }
+    ordinary = ("coupled_motor", "viscous_friction", "coulomb_friction", "added_inertia")
+    assert set(found) == {(name, joint) for name in ordinary for joint in ("pitch", "roll")}
+    for joint, other in (("pitch", 1.0), ("roll", 0.0)):
+        motor = found["coupled_motor", joint]
+        assert motor["torque"]["value"] == pytest.approx(1.95, rel=0.03)
+        assert motor["damping"]["value"] == pytest.approx(0.62, rel=0.03)
+        assert motor["inertia"]["value"] == pytest.approx(0.0096, rel=0.15)
+        assert motor["other_dof"]["value"] == other and motor["sense"]["value"] == 1.0
+    assert found["viscous_friction", "pitch"]["damping"]["value"] == pytest.approx(1.86, rel=0.03)
+    assert found["coulomb_friction", "pitch"]["torque"]["value"] == pytest.approx(3.0, rel=0.03)
+    for error in report["error"]["holdout"].values():
+        assert error["after"] < 1.5 * error["floor"]
+
+
+def test_the_repaired_wrist_moves_as_the_recorded_one(report: dict[str, Any]) -> None:
+    """By the held-out efforts alone, 3 s of movements of some radians."""
+    for error in report["simulation"]["joints"].values():
+        assert error["open_loop"]["after"] < 0.02
