@@ -47,6 +47,22 @@ PANDA = """
 """
 
 
+def panda_links(prefix: str) -> str:
+    """Return the Panda as MJCF, with its joints numbered after a prefix."""
+    bodies = ""
+    for number, line in enumerate(PANDA.split("\n")[1:-1], start=1):
+        x, y, z, turn, mass, *rest = line.split()
+        bodies += (
+            f"<body name='link{number}' pos='{x} {y} {z}' quat='1 {turn} 0 0'>"
+            f"<joint name='{prefix}{number}' axis='0 0 1'/><inertial mass='{mass}' "
+            f"pos='{' '.join(rest[:3])}' fullinertia='{' '.join(rest[3:])}'/>"
+        )
+    return (
+        "<mujoco><compiler balanceinertia='true'/><worldbody>"
+        f"{bodies}{'</body>' * 7}</worldbody></mujoco>"
+    )
+
+
 def write_panda(folder: Path, source: Path) -> None:
     """Write the Panda's exciting trajectory: 14 s to fit, the last 7 s held out."""
     log = source / "matlab/data/Exciting_Traj/Trajectory_1/rbt_log"
@@ -57,18 +73,7 @@ def write_panda(folder: Path, source: Path) -> None:
     table = np.column_stack([clock, position.reshape(-1, 7), effort.reshape(-1, 7)])
     names = ["time", *(f"{j}.position" for j in joints), *(f"{j}.effort" for j in joints)]
     write_table(folder / "trajectory.csv", names, table)
-    bodies = ""
-    for number, line in enumerate(PANDA.split("\n")[1:-1], start=1):
-        x, y, z, turn, mass, *rest = line.split()
-        bodies += (
-            f"<body name='link{number}' pos='{x} {y} {z}' quat='1 {turn} 0 0'>"
-            f"<joint name='joint{number}' axis='0 0 1'/><inertial mass='{mass}' "
-            f"pos='{' '.join(rest[:3])}' fullinertia='{' '.join(rest[3:])}'/>"
-        )
-    (folder / "panda.xml").write_text(
-        "<mujoco><compiler balanceinertia='true'/><worldbody>"
-        f"{bodies}{'</body>' * 7}</worldbody></mujoco>"
-    )
+    (folder / "panda.xml").write_text(panda_links("joint"))
     write_session(
         folder,
         "panda.xml",
