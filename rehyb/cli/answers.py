@@ -121,4 +121,4 @@ def print_rows(columns: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> N
     name, *others = columns
     for row in rows:
         said = [f"{other} {row[other]}" for other in others if row.get(other, "") not in ("", None)]
-        console.print(f"{row[name]}: {', '.join(said)}", soft_wrap=True, markup=False)
+        console.print(f"{row[name]}: {', '.join(said)}", markup=False, highlight=False)

@@ -23,7 +23,7 @@ def inspect(
             metavar="FILE", help="CSV, .mat, HDF5, .bag, .mcap, .db3, or the folder of a ROS 2 bag."
         ),
     ],
-    known: Annotated[
+    said: Annotated[
         list[str] | None,
         optional(
             "--as",
@@ -47,17 +47,25 @@ def inspect(
     Exit status 2 if the log cannot be read; then nothing is written.
     """
     from analysis.closeloop.errors import SessionError
-    from analysis.closeloop.logs.draft import assigned, joint_names, joints_in, write_session
+    from analysis.closeloop.logs.draft import (
+        assigned,
+        joint_names,
+        joints_in,
+        of_other_joints,
+        write_session,
+    )
     from analysis.closeloop.logs.inspection import believe, of_rates
     from analysis.closeloop.logs.reading import read_log
 
     try:
         with needs_extra(file.name, "logs"), refusing(SessionError):
             log = read_log(file)
-            beliefs, named = assigned(believe(log, rate), known or ())
-            joints = joint_names(beliefs, joints_in(model) if model else ())
+            beliefs, named = assigned(believe(log, rate), said or ())
+            known = joints_in(model) if model else []
+            joints = joint_names(beliefs, known)
             joints = [named.get(number, name) for number, name in enumerate(joints)]
             left = write_session(out, file.stem, beliefs, joints, model) if out else []
+            left += of_other_joints(joints, known)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     rows = [_row(belief, joints) for belief in beliefs]

@@ -1,5 +1,6 @@
 """Which channel is the clock of a log, and how regular it is."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -10,6 +11,12 @@ from analysis.closeloop.logs.log import Numbers
 
 #: What a clock's median step, s, may be for a recording of joints.
 STEPS = (1e-5, 0.2)
+#: The column of a stamp's whole seconds, and what that of the rest is called, in s.
+WHOLE_SECONDS = re.compile(r"(?P<stem>.*?)secs?", re.IGNORECASE)
+PARTS: Mapping[str, float] = {
+    **dict.fromkeys(("nanosec", "nanosecs", "nsec", "nsecs"), 1e-9),
+    **dict.fromkeys(("usec", "usecs"), 1e-6),
+}
 CLOCKS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -45,7 +52,7 @@ def clock_of(time: Numbers) -> Clock:
 
 def find_clock(beliefs: list[Belief], group: list[int]) -> None:
     """Find the clock of channels of one length, unless they came with one."""
-    if beliefs[group[0]].channel.time is not None:
+    if beliefs[group[0]].channel.time is not None or _in_two_columns(beliefs, group):
         return
     for at in sorted(group, key=lambda at: beliefs[at].quantity != "time"):
         belief = beliefs[at]
@@ -68,19 +75,43 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
             scale=CLOCKS[unit],
             why=f"increases by {median:.4g} {unit} a sample",
         )
-        time = CLOCKS[unit] * belief.channel.values
+        _set_time(beliefs, group, CLOCKS[unit] * belief.channel.values)
         for other in group:
-            beliefs[other] = replace(
-                beliefs[other], channel=replace(beliefs[other].channel, time=time)
-            )
             if other != at and beliefs[other].quantity == "time":
                 beliefs[other] = replace(beliefs[other], quantity="unknown", why="a second clock")
         return
 
 
+def _in_two_columns(beliefs: list[Belief], group: list[int]) -> bool:
+    """Find a clock of whole seconds and what is beside them, as stamps of ROS are written out."""
+    names = {beliefs[at].channel.name: at for at in group}
+    for name, at in names.items():
+        found = WHOLE_SECONDS.fullmatch(name)
+        rests = (
+            (names.get(f"{found['stem']}{part}"), scale)
+            for part, scale in PARTS.items()
+            if found is not None
+        )
+        for rest, scale in rests:
+            if rest is None:
+                continue
+            whole, part = beliefs[at].channel.values, beliefs[rest].channel.values
+            _set_time(beliefs, group, whole + scale * part)
+            why = f"whole seconds, and {beliefs[rest].channel.name} beside them"
+            beliefs[at] = replace(beliefs[at], quantity="time", unit="s", why=why)
+            beliefs[rest] = replace(beliefs[rest], quantity="unknown", why=f"beside {name}")
+            return True
+    return False
+
+
 def set_rate(beliefs: list[Belief], group: list[int], rate_hz: float) -> None:
     """Give channels of one length, which have no clock, samples that follow each other evenly."""
-    time = np.arange(float(len(beliefs[group[0]].channel.values))) / rate_hz
+    samples = len(beliefs[group[0]].channel.values)
+    _set_time(beliefs, group, np.arange(float(samples)) / rate_hz)
+
+
+def _set_time(beliefs: list[Belief], group: list[int], time: Numbers) -> None:
+    """Give channels of one length their time, s, (n,)."""
     for at in group:
         belief = beliefs[at]
         beliefs[at] = replace(belief, channel=replace(belief.channel, time=time))

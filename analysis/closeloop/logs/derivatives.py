@@ -27,6 +27,8 @@ FACTORS: Sequence[tuple[float, str, str]] = (
 RATES_TOLERANCE = 0.02
 #: Usual rates of logs, over a power of ten, Hz.
 USUAL = (1.0, 1.25, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)
+#: Most signals that are compared, each with each: of more, names alone say what they are.
+MOST = 500
 #: Fewest samples that are compared.
 FEWEST = 50
 #: Least share of numbers among a channel's samples, to compare it with others.
@@ -37,7 +39,7 @@ def find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
     """Find positions, velocities and accelerations: each is the derivative of the one before."""
     moving = _moving(beliefs, group)
     time = beliefs[group[0]].channel.time
-    if time is None or len(moving) < 2 or len(time) < FEWEST:
+    if time is None or not 2 <= len(moving) <= MOST or len(time) < FEWEST:
         return
     alike, factor = _compared(time, [beliefs[at].channel.values for at in moving])
     has_derivative: set[int] = set()
@@ -76,7 +78,8 @@ def find_rate(beliefs: list[Belief], group: list[int]) -> None:
     """
     moving = _moving(beliefs, group)
     samples = len(beliefs[group[0]].channel.values)
-    if beliefs[group[0]].channel.time is not None or len(moving) < 4 or samples < FEWEST:
+    timed = beliefs[group[0]].channel.time is not None
+    if timed or not 4 <= len(moving) <= MOST or samples < FEWEST:
         return
     count = np.arange(float(samples))
     alike, factor = _compared(count, [beliefs[at].channel.values for at in moving])

@@ -14,6 +14,7 @@ import numpy as np
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.log import Numbers
+from intake.xml import listed
 
 SIGNALS = ("position", "velocity", "acceleration", "effort")
 #: What a line that assigns a channel looks like: "column 14=elbow.effort*11.976", "u_V=-".
@@ -100,11 +101,42 @@ def joint_name(belief: Belief) -> str | None:
 
 
 def joint_names(beliefs: Sequence[Belief], known: Sequence[str] = ()) -> list[str]:
-    """Return the names of the log's joints in order: the log's own, else `known`, else numbers."""
+    """Return the names of the log's joints in order: the log's own, else `known`, else numbers.
+
+    A name of the log's that ends as one of `known` alone does, but for marks, means that.
+    """
     count = 1 + max((b.joint for b in beliefs if b.joint is not None), default=-1)
     own = {b.joint: name for b in beliefs if b.joint is not None and (name := joint_name(b))}
     spare = list(known) if len(known) == count else [f"joint_{n + 1}" for n in range(count)]
-    return [own.get(number, spare[number]) for number in range(count)]
+    names = [own.get(number, spare[number]) for number in range(count)]
+    meant = [_meant(name, known) for name in names]
+    return [m if m and meant.count(m) == 1 else n for n, m in zip(names, meant, strict=True)]
+
+
+def _meant(name: str, known: Sequence[str]) -> str | None:
+    """Return the one of `known` that a name means; None if it is none or several."""
+    if name in known:
+        return name
+    plain = _plain(name)
+    alike = [other for other in known if _plain(other) and plain.endswith(_plain(other))]
+    longest = max((len(_plain(other)) for other in alike), default=0)
+    alike = [other for other in alike if len(_plain(other)) == longest]
+    return alike[0] if len(alike) == 1 else None
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\W_]", "", name).lower()
+
+
+def of_other_joints(names: Sequence[str], known: Sequence[str]) -> list[str]:
+    """Say which joints of a log a model does not have."""
+    unknown = [name for name in names if name not in known]
+    if not known or not unknown:
+        return []
+    return [
+        f"the model has no joint {listed(unknown)}, but {listed(known)}: say "
+        "'CHANNEL=JOINT.QUANTITY' of each channel"
+    ]
 
 
 def joints_in(model: Path) -> list[str]:

@@ -19,8 +19,11 @@ from analysis.closeloop.logs.log import Log
 SI: Mapping[str, float] = {"deg": pi / 180, "deg/s": pi / 180, "mm": 1e-3, "mA": 1e-3}
 #: More than that of an angle in rad is two turns either way; a joint seldom does it.
 TURNS = 4 * pi
+#: Share of a position's samples that are compared with it.
+MOSTLY = 0.99
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def believe(log: Log, rate_hz: float | None = None) -> list[Belief]:
     """Return what each channel of the log is taken for, in the log's order.
 
@@ -67,7 +70,10 @@ def of_rates(log: Log, beliefs: Sequence[Belief]) -> list[str]:
 def _find_units(beliefs: list[Belief]) -> None:
     """Guess angles of unknown unit by their size, with a "?", and say what each unit is in SI."""
     unsure = [b for b in beliefs if b.quantity == "position" and b.unit == "?"]
-    largest = max((float(np.nanmax(np.abs(b.channel.values))) for b in unsure), default=0.0)
+    # One glitch makes no degrees.
+    largest = max(
+        (float(np.nanquantile(np.abs(b.channel.values), MOSTLY)) for b in unsure), default=0.0
+    )
     unit = "deg" if largest > TURNS else "rad"
     guesses = {"position": f"{unit}?", "velocity": f"{unit}/s?"}
     for at, belief in enumerate(beliefs):

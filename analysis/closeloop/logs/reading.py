@@ -28,10 +28,14 @@ def read_log(path: Path) -> Log:
     if path.is_dir():
         if not (path / "metadata.yaml").is_file():
             raise SessionError(
-                "is a folder without the metadata.yaml of a ROS 2 bag", file=path.name
+                "is a folder without the metadata.yaml of a ROS 2 bag: give its .db3 or .mcap",
+                file=path.name,
             )
-        return ros.read(path)
-    reader = READERS.get(path.suffix.lower())
+        reader: Callable[[Path], Log] | None = ros.read
+    elif not path.is_file():
+        raise SessionError("is no file", file=path.name)
+    else:
+        reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise SessionError(f"ends in none of {', '.join(READERS)}", file=path.name)
     try:

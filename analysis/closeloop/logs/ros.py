@@ -1,5 +1,6 @@
 """ROS bags (1, 2 and MCAP) by `rosbags`: joint states by name, other messages by their numbers."""
 
+import re
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -7,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs.belief import WANTED
 from analysis.closeloop.logs.log import Channel, Log
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Quantities of a joint state with their units (REP 103), those of a hinge; a slide's are m and N.
 QUANTITIES = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
+#: How many samples of another kind one of an effort stands for, where topics are compared.
+EFFORTS = 1000
 #: Numbers of one message of another kind that become channels: more is a picture or a map.
 MAX_NUMBERS = 40
 
@@ -30,8 +34,10 @@ def read(path: Path) -> Log:
     from rosbags.rosbag2 import ReaderError as Error2
     from rosbags.typesys import Stores, get_typestore
 
-    found: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    found: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
+    states: dict[str, int] = defaultdict(int)
     failed: dict[str, str] = {}
+    count: dict[str, int] = defaultdict(int)
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
             for connection, recorded, raw in reader.messages():
@@ -40,22 +46,35 @@ def read(path: Path) -> Log:
                 try:
                     message = reader.deserialize(raw, connection.msgtype)
                 except Exception as error:  # a foreign type may fail in any way
-                    failed[connection.topic] = f"{connection.msgtype}: {error}"
+                    why = f"{connection.msgtype}: {error}"
+                    failed[connection.topic] = f"{why}, after {count[connection.topic]} messages"
                     continue
+                count[connection.topic] += 1
                 time = _stamp(message) or 1e-9 * recorded
+                topic = connection.topic if connection.msgtype == JOINT_STATE else ""
                 for name, value in _numbers(message, connection.msgtype, connection.topic):
-                    found[name].append((time, value))
+                    found[topic, name].append((time, value))
+                    # What has efforts, then what has more of anything.
+                    states[topic] += EFFORTS if name.endswith(".effort") else 1
     except (AnyReaderError, Error1, Error2) as error:
         why = " ".join(str(error).split())[:200]
         raise SessionError(f"is no ROS bag that can be read: {why}", file=path.name) from None
     log = Log(kind="ROS bag")
-    for name, samples in found.items():
-        if len(samples) >= 2:
+    best = max((t for t in states if t), key=lambda t: (not _is_wanted(t), states[t]), default="")
+    for topic in sorted(states.keys() - {best, ""}):
+        log.remarks.append(f"{topic} holds joint states, too, and was left out beside {best}")
+    for (topic, name), samples in found.items():
+        if topic in (best, "") and len(samples) >= 2:
             table = np.array(samples)
             unit = QUANTITIES.get(name.rpartition(".")[2])
             log.channels.append(Channel(name=name, time=table[:, 0], values=table[:, 1], unit=unit))
     log.remarks += [f"{topic} could not be read ({why})" for topic, why in failed.items()]
     return log
+
+
+def _is_wanted(topic: str) -> bool:
+    """Whether a topic's name says that it holds what was wanted, and not what was measured."""
+    return any(word in WANTED for word in re.findall("[a-z]+", topic.lower()))
 
 
 def _stamp(message: Any) -> float | None:

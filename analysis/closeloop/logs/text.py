@@ -58,6 +58,8 @@ def read(path: Path) -> Log:
     else:
         names = [name or f"column {at}" for at, name in enumerate(names, start=1)]
         whole = whole[1:]
+        if not whole:
+            raise SessionError("holds no signal: no line of numbers", file=path.name)
         if all(cell.strip() and parse(cell) is None for cell in whole[0]) and all(
             UNITS.fullmatch(cell.strip()) for cell in whole[0]
         ):
@@ -71,6 +73,7 @@ def read(path: Path) -> Log:
         known = sum(number is not None for number in numbers)
         if known >= 2:
             values = np.array([np.nan if n is None else n for n in numbers], dtype=float)
+            values[np.isinf(values)] = np.nan
             log.channels.append(Channel(name=name, values=values))
         else:
             log.remarks.append(f"{name} holds no numbers and was left out")

@@ -52,7 +52,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
     declared = declared_entries(found) + payload_entries(found.fits, found.rows)
     identified = identified_entries(outcome, impedance)
     unnamed = unnamed_load_entries(recording, outcome.loads)
-    warnings = [*_unread_effects(recording), *_mended_links(recording), *found.notes]
+    warnings = [*_unread_effects(recording), *_model_remarks(recording), *found.notes]
     if outcome.left_out:
         warnings.append(
             "no trial has the role holdout: the errors under holdout are those of each group "
@@ -109,15 +109,9 @@ def _unread_effects(recording: Recording) -> list[str]:
     ]
 
 
-def _mended_links(recording: Recording) -> list[str]:
-    """Say which links of a URDF file have an inertia that no body has."""
-    links = recording.device.mended_links
-    if not links:
-        return []
-    return [
-        f"{recording.session.model}: no body has the inertia of {', '.join(links)}, which is taken "
-        "as the nearest that one can have"
-    ]
+def _model_remarks(recording: Recording) -> list[str]:
+    """Say what of the model's file is taken otherwise than it stands there."""
+    return [f"{recording.session.model}: {remark}" for remark in recording.device.remarks]
 
 
 def _errors(outcome: Outcome, errors: Errors, *, relative: bool) -> dict[str, Any]:

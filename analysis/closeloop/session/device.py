@@ -35,8 +35,8 @@ class Device:
     ignored_joints: tuple[str, ...]
     #: Effects and their joints that an earlier session wrote into the model, and that it left out.
     unread_effects: tuple[tuple[str, str], ...] = ()
-    #: Links whose inertia in the file no body has, and that got the nearest that one can have.
-    mended_links: tuple[str, ...] = ()
+    #: What of its file is taken otherwise than it stands there, in sentences.
+    remarks: tuple[str, ...] = ()
 
     @cached_property
     def model(self) -> mujoco.MjModel:

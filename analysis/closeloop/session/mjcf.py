@@ -3,6 +3,7 @@
 Geometry is left out: inverse dynamics needs inertias only, and a session's folder has no meshes.
 """
 
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -47,17 +48,17 @@ def load_device(session: Session) -> Device:
     Raises:
         SessionError: the model cannot be used, or a name is not in it.
     """
-    mended: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     if session.model == NOMINAL:
         spec = nominal_spec(height_m=session.height_m, mass_kg=session.mass_kg)
     else:
         path = inside(session.folder, session.model, field_name="model")
-        spec, mended = _read_model(path, session.model)
+        spec, remarks = _read_model(path, session.model)
     device = Device(
         spec=spec,
         ignored_joints=session.ignored_joints,
         unread_effects=tuple(without_applied(spec)),
-        mended_links=mended,
+        remarks=remarks,
     )
     try:
         joint_types = device.model.jnt_type
@@ -128,15 +129,15 @@ def _known(name: str, names: tuple[str, ...], where: str) -> None:
 
 
 def _read_model(path: Path, name: str) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
-    """Return the model of a file, and the links whose inertia no body has."""
-    mended: tuple[str, ...] = ()
+    """Return the model of a file, and what of it is taken otherwise."""
+    remarks: tuple[str, ...] = ()
     text = read_text(path, name, MAX_MODEL_BYTES)
     try:
         root = parse_model(text, lambda detail: SessionError(detail, file=name))
     except XmlError as error:
         raise SessionError(f"is not XML: {error}", file=name, line=error.line) from None
     if root.tag == "robot":
-        mended = urdf.prepare(root, name)
+        remarks = urdf.prepare(root, name)
     else:
         _leave_out_drawing(root, name)
     _check_masses(root, name)
@@ -157,7 +158,7 @@ def _read_model(path: Path, name: str) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
             custom.set("data", custom.text)
             custom.text = None
     try:
-        return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode")), mended
+        return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode")), remarks
     except ValueError as error:
         raise _refused(error, name) from None
 
@@ -216,4 +217,6 @@ def _has_inertia(body: ElementTree.Element) -> bool:
 
 
 def _refused(error: ValueError, name: str) -> SessionError:
-    return SessionError(f"MuJoCo refuses it: {' '.join(str(error).split())}", file=name)
+    # Its lines are those of the text that MuJoCo was given, and not the file's.
+    why = re.sub(r",? line \d+(, column \d+)?", "", " ".join(str(error).split()))
+    return SessionError(f"MuJoCo refuses it: {why}", file=name)

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
+from intake.xml import listed
 
 #: kg and kg m2: what a moving link gets if it says none; nothing that is felt.
 LEAST = "1e-12"
@@ -33,12 +34,12 @@ def prepare(root: ElementTree.Element, name: str) -> tuple[str, ...]:
         name: of the file, for errors.
 
     Returns:
-        The links whose inertia was changed by more than rounding.
+        What is taken otherwise than the file has it, in sentences.
 
     Raises:
-        SessionError: a link has a negative moment of inertia.
+        SessionError: a moment of inertia is missing, or below zero.
     """
-    mended = []
+    mended, mimics = [], []
     for part in [*root]:
         if part.tag not in ("link", "joint"):
             root.remove(part)
@@ -47,14 +48,25 @@ def prepare(root: ElementTree.Element, name: str) -> tuple[str, ...]:
         inertia = part.find("inertial/inertia")
         if part.tag == "link" and inertia is not None and _mend(inertia, part, name):
             mended.append(part.get("name", ""))
+        if part.tag == "joint" and part.find("mimic") is not None:
+            mimics.append(part.get("name", ""))
     options = {"fusestatic": "false", "boundmass": LEAST, "boundinertia": LEAST}
     ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", options)
-    return tuple(mended)
+    said = {
+        "no body has the inertia of {}, which is taken as the nearest that one can have": mended,
+        "<mimic> of {} is not read: the joint is where it is recorded, or at 0 if it is ignored, "
+        "and the other one's motor does not move it": mimics,
+    }
+    return tuple(text.format(listed(names)) for text, names in said.items() if names)
 
 
 def _mend(inertia: ElementTree.Element, link: ElementTree.Element, name: str) -> bool:
     """Write the nearest tensor that a body can have; return whether that is another one."""
     tensor = np.zeros((3, 3))
+    for key in ("ixx", "iyy", "izz"):
+        if key not in inertia.attrib:
+            why = f"<inertia> of link {link.get('name', '')[:60]!r} lacks {key}"
+            raise SessionError(why, file=name)
     try:
         for key, (row, column) in ENTRIES.items():
             tensor[row, column] = tensor[column, row] = float(inertia.get(key, "0"))

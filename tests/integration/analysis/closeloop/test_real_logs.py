@@ -79,7 +79,8 @@ def test_a_link_whose_inertia_no_body_has_is_told_of(tmp_path: Path) -> None:
     """Before, MuJoCo refused it; public robots' files have such links."""
     odd = URDF.replace('ixx="0.01" iyy="0.02" izz="0.02"', 'ixx="0.01" iyy="0.02" izz="0.05"')
     recording = load_session(written(tmp_path / "a", rows(), model=odd))
-    assert recording.device.mended_links == ("upper",)
+    (remark,) = recording.device.remarks
+    assert remark.startswith("no body has the inertia of upper")
 
 
 def test_meshes_of_an_mjcf_file_are_left_out_and_its_inertias_kept(tmp_path: Path) -> None:

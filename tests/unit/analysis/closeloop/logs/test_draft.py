@@ -8,7 +8,12 @@ import pytest
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
-from analysis.closeloop.logs.draft import assigned, joint_names, write_session
+from analysis.closeloop.logs.draft import (
+    assigned,
+    joint_names,
+    of_other_joints,
+    write_session,
+)
 from analysis.closeloop.logs.inspection import believe
 from analysis.closeloop.logs.log import Channel, Log
 
@@ -136,3 +141,16 @@ def test_stamps_since_1970_keep_their_digits(tmp_path: Path) -> None:
     chosen = believe(Log(kind="ROS bag", channels=channels))
     assert write_session(tmp_path / "s", "log", chosen, joint_names(chosen), None)
     assert np.array_equal(table(tmp_path / "s" / "log.csv")[1][:, 0], time)
+
+
+def test_a_name_that_ends_as_one_joint_of_the_model_does_means_that(tmp_path: Path) -> None:
+    """A plotter writes /joint_states/j1/position."""
+    named = {"/joint_states/j1/position": np.sin(TIME), "/joint_states/j12/position": np.cos(TIME)}
+    log = [Channel(name=n, values=v) for n, v in {"t": TIME, **named}.items()]
+    found = believe(Log(kind="CSV", channels=log))
+    assert joint_names(found, ["j1", "j12"]) == ["j1", "j12"]
+    # Without a model, or where none is meant, they keep their own.
+    assert joint_names(found) == joint_names(found, ["elbow"]) != ["j1", "j12"]
+    (said,) = of_other_joints(joint_names(found, ["elbow"]), ["elbow"])
+    assert said.startswith("the model has no joint joint_states_j_1, ") and "but elbow" in said
+    assert of_other_joints(["j1"], ["j1", "j2"]) == []

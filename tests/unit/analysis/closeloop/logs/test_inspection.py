@@ -255,3 +255,30 @@ def test_a_log_with_a_clock_keeps_it(tmp_path: Path) -> None:
     log = read_log(headerless(tmp_path / "log.csv"))
     beliefs = believe(log, rate_hz=50.0)
     assert beliefs[0].quantity == "time" and of_rates(log, beliefs) == []
+
+
+def test_a_stamp_in_two_columns_is_one_clock() -> None:
+    """As a ROS header is written out."""
+    m = motion(joints=1)
+    parts = {
+        "header.stamp.sec": 1e9 + np.floor(m["time"]),
+        "header.stamp.nanosec": np.round(1e9 * (m["time"] % 1.0)),
+    }
+    found = believed(**parts, **{"elbow.position": m["position"][:, 0]})
+    assert [b.quantity for b in found.values()] == ["time", "unknown", "position"]
+    time = found["elbow.position"].channel.time
+    assert time is not None and time - 1e9 == pytest.approx(m["time"], abs=1e-6)
+
+
+def test_one_glitch_makes_no_degrees() -> None:
+    m = motion(joints=2)
+    elbow, wrist = m["position"].T.copy()
+    elbow[700] = 1e6
+    found = believed(**{"time": m["time"], "elbow.position": elbow, "wrist.position": wrist})
+    assert found["elbow.position"].unit == found["wrist.position"].unit == "rad?"
+
+
+def test_more_signals_than_any_robot_has_are_not_compared_each_with_each() -> None:
+    signals = {f"q{n}.position": np.sin(0.01 * np.arange(60) + n) for n in range(1, 3000)}
+    found = believed(time=0.01 * np.arange(60), **signals)
+    assert {b.quantity for b in found.values()} == {"time", "position"}

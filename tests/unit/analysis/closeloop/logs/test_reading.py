@@ -1,5 +1,7 @@
 """Logs of every kind are read into named channels; a damaged one is one sentence."""
 
+import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +65,11 @@ def test_hdf5_and_matlab_7_3(tmp_path: Path) -> None:
         assert names(tmp_path / name) == ["robot.q[0]", "robot.q[1]"]
 
 
-def write_bag(path: Path, *, ros1: bool = False, mcap: bool = False) -> None:
-    """Write 100 joint states of two joints, every tenth second a temperature beside them."""
+def write_bag(path: Path, *, ros1: bool = False, mcap: bool = False, wanted: bool = False) -> None:
+    """Write 100 joint states of two joints, every tenth second a temperature beside them.
+
+    Where they are `wanted`, what a controller asked for is a topic of its own, 0.5 rad off.
+    """
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
@@ -79,6 +84,7 @@ def write_bag(path: Path, *, ros1: bool = False, mcap: bool = False) -> None:
     with writer:
         joints = writer.add_connection("/joint_states", state, typestore=store)
         heat = writer.add_connection("/motor/heat", number, typestore=store)
+        commands = writer.add_connection("/joint_command", state, typestore=store)
         for n in range(100):
             time = types["builtin_interfaces/msg/Time"](sec=1000 + n // 50, nanosec=n % 50 * 10**7)
             more = {"seq": n} if ros1 else {}
@@ -89,6 +95,9 @@ def write_bag(path: Path, *, ros1: bool = False, mcap: bool = False) -> None:
             )
             at = 1_000_000_000_000 + n * 20_000_000
             writer.write(joints, at, encode(message, state))
+            if wanted:
+                asked = replace(message, position=q + 0.5)
+                writer.write(commands, at + 5_000_000, encode(asked, state))
             if n % 10 == 0:
                 writer.write(heat, at, encode(types[number](data=20.0 + n), number))
 
@@ -111,9 +120,28 @@ def test_bags_of_ros_1_ros_2_and_mcap(tmp_path: Path, kind: str) -> None:
     assert len(found["motor.heat.data"].values) == 10
 
 
+def test_what_was_measured_is_not_mixed_with_what_a_controller_asked_for(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="needs the extra logs")
+    write_bag(tmp_path / "log", wanted=True)
+    log = read_log(tmp_path / "log")
+    elbow = next(channel for channel in log.channels if channel.name == "elbow.position")
+    assert elbow.values == pytest.approx(0.01 * np.arange(100))
+    assert log.remarks == [
+        "/joint_command holds joint states, too, and was left out beside /joint_states"
+    ]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_named_pipe_is_no_file_and_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "log.csv")
+    with pytest.raises(SessionError, match="is no file"):
+        read_log(tmp_path / "log.csv")
+
+
 @pytest.mark.parametrize(
     ("name", "content", "word"),
     [
+        ("log.csv", b"two lines\nof prose\n", "holds no signal"),
         ("log.csv", b"", "fewer than two lines"),
         ("log.csv", b"t,q\n\x00\x00\n", "zero bytes"),
         ("log.csv", b"hello\nworld\n", "holds no signal"),

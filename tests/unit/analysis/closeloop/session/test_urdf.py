@@ -40,7 +40,8 @@ def test_links_without_mass_or_inertia_move_and_weigh_nothing() -> None:
 
 def test_a_tensor_that_no_body_has_becomes_the_nearest_that_one_can_have_and_is_told() -> None:
     root = arm(link(1.0, 1.0, 3.0))
-    assert prepare(root, "arm.urdf") == ("tip",)
+    (remark,) = prepare(root, "arm.urdf")
+    assert remark.startswith("no body has the inertia of tip, ")
     # Second moments of mass 1.5, 1.5 and -0.5, of which the last is set to zero.
     assert moments(root) == pytest.approx([3.0, 1.5, 1.5], rel=1e-5)
 
@@ -73,3 +74,16 @@ def test_a_moment_below_zero_is_refused_with_its_link() -> None:
         SessionError, match=r"arm\.urdf: <inertia> of link 'tip' has a moment below"
     ):
         prepare(arm(link(-0.1, 0.2, 0.25)), "arm.urdf")
+
+
+def test_a_missing_moment_is_refused_and_not_read_as_none() -> None:
+    root = arm(link(0.1, 0.2, 0.25).replace('ixx="0.1" ', ""))
+    with pytest.raises(SessionError, match=r"arm\.urdf: <inertia> of link 'tip' lacks ixx"):
+        prepare(root, "arm.urdf")
+
+
+def test_a_joint_that_mimics_another_is_told_of() -> None:
+    root = arm(link(0.1, 0.2, 0.25))
+    ElementTree.SubElement(root.find("joint[@name='second']"), "mimic", joint="first")  # type: ignore[arg-type]
+    (remark,) = prepare(root, "arm.urdf")
+    assert remark.startswith("<mimic> of second is not read")
