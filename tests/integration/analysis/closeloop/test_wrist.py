@@ -5,6 +5,7 @@ A generic instrumental variable approach for industrial robot identification).
 """
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,18 +23,22 @@ def speeds(rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([size * ramp for size in sign * rng.uniform(2.0, 7.0, MOVEMENTS)])
 
 
-@pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """Return the report of a recorded wrist: 9 s to fit, 3 s held out."""
-    tmp_path = tmp_path_factory.mktemp("wrist")
+def closed(tmp_path: Path, sense: float, share: float = 1.0) -> dict[str, Any]:
+    """Return the report of a recorded wrist: 9 s to fit, 3 s held out.
+
+    Args:
+        tmp_path: an empty folder.
+        sense: 1 if the last motor turns by the sum of both speeds, -1 by the difference.
+        share: of what that motor rubs and takes; 0 is a wrist of two motors with a joint each.
+    """
     rng = np.random.default_rng(4)
     v = np.column_stack([speeds(rng), speeds(rng)])
     q, a = np.cumsum(v, axis=0) / RATE, np.gradient(v, 1 / RATE, axis=0)
-    both, acceleration = v.sum(axis=1), a.sum(axis=1)
-    last = 0.0096 * acceleration + 0.62 * both + 1.95 * np.tanh(both / 0.02)
+    both, acceleration = (signal[:, 0] + sense * signal[:, 1] for signal in (v, a))
+    last = share * (0.0096 * acceleration + 0.62 * both + 1.95 * np.tanh(both / 0.02))
     efforts = [
         0.047 * a[:, 0] + 1.86 * v[:, 0] + 3.0 * np.tanh(v[:, 0] / 0.02) + last,
-        0.0105 * a[:, 1] + 0.65 * v[:, 1] + 0.28 * np.tanh(v[:, 1] / 0.02) + last,
+        0.0105 * a[:, 1] + 0.65 * v[:, 1] + 0.28 * np.tanh(v[:, 1] / 0.02) + sense * last,
     ]
     time = np.arange(len(v)) / RATE
     noise = 0.2 * rng.standard_normal((len(v), 2))
@@ -56,6 +61,11 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     content = {"schema": 1, "model": "wrist.xml", "trials": trials}
     (tmp_path / "session.json").write_text(json.dumps(content))
     return close_loop(tmp_path, tmp_path / "out")
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    return closed(tmp_path_factory.mktemp("wrist"), 1.0)
 
 
 def test_a_motor_that_turns_with_two_joints_is_told_from_what_each_has_of_its_own(
@@ -82,3 +92,16 @@ def test_the_repaired_wrist_moves_as_the_recorded_one(report: dict[str, Any]) ->
     """By the held-out efforts alone, 3 s of movements of some radians."""
     for error in report["simulation"]["joints"].values():
         assert error["open_loop"]["after"] < 0.02
+
+
+def test_a_motor_may_turn_by_the_difference(tmp_path: Path) -> None:
+    report = closed(tmp_path, -1.0)
+    found = {e["joint"]: e["parameters"] for e in report["effects"] if e["name"] == "coupled_motor"}
+    for joint in ("pitch", "roll"):
+        assert found[joint]["torque"]["value"] == pytest.approx(1.95, rel=0.03)
+        assert found[joint]["sense"]["value"] == -1.0
+
+
+def test_a_wrist_of_a_motor_for_each_joint_has_friction_and_inertia_alone(tmp_path: Path) -> None:
+    names = {effect["name"] for effect in closed(tmp_path, 1.0, 0.0)["effects"]}
+    assert names == {"viscous_friction", "coulomb_friction", "added_inertia"}
