@@ -45,7 +45,8 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
             depends.append("time")
         ratio = outcome.over_floor(joint) or 0.0
         # A trial that leaves far more than the fitted ones holds something they did not show.
-        usual = float(np.median([_mean_square(e) for e in own if e.trial in recording.fit_trials]))
+        fitted = [_mean_square(error) for error in own if error.trial in recording.fit_trials]
+        usual = float(np.median(fitted)) if fitted else np.inf
         disturbed = {event.trial for event in outcome.events if event.joint == joint}
         odd = [error for error in own if _mean_square(error) > ODD**2 * usual]
         alone = [error for error in odd if error.trial not in disturbed]
@@ -213,7 +214,7 @@ def _power(
 
 def _where(recording: Recording, error: TrialError, usual: float) -> dict[str, Any]:
     """Say in which file, and from when to when, a trial's residual is larger than usual."""
-    count = max(1, int(ODD_SECONDS * recording.sampling.recorded))
+    count = max(1, min(int(ODD_SECONDS * recording.sampling.recorded), len(error.time)))
     power = np.convolve(error.residual**2, np.full(count, 1.0 / count), mode="same")
     rows = np.flatnonzero(power > ODD**2 * usual)
     first, last = (rows[0], rows[-1]) if len(rows) else (0, len(power) - 1)
