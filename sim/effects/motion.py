@@ -26,11 +26,11 @@ class Recording(Protocol):
     """Recorded motion of a device, SI units; arrays have shape (n, joints) unless said otherwise.
 
     `time` is the session's clock, (n,), `period` the time between recorded samples, s; `trial` is
-    the number of each sample's trial, (n,), `slices` are pieces without a gap, of which filters
-    touch `edge` samples at both ends and miss those that are not `usable`, (n,); what somebody
-    pushed is `disturbed`; `joints` are those whose balance is analysed, `limbs` those at which a
-    limb acts. `effort` is low-passed for the fit, `sensed` as it was recorded; both are NaN where a
-    joint has none. `inverse` is the torque that the declared
+    the number of each sample's trial, (n,), of which `fit_trials` are fitted, `slices` are pieces
+    without a gap, of which filters touch `edge` samples at both ends and miss those that are not
+    `usable`, (n,); what somebody pushed is `disturbed`; `joints` are those whose balance is
+    analysed, `limbs` those at which a limb acts. `effort` is low-passed for the fit, `sensed` as it
+    was recorded; both are NaN where a joint has none. `inverse` is the torque that the declared
     chain needs, `static` what holding still in the same place would take, `own_inertia` the
     diagonal of the mass matrix. Below `rest_speed`, (joints,), a joint rests.
     """
@@ -49,6 +49,8 @@ class Recording(Protocol):
     def disturbed(self) -> np.ndarray | None: ...
     @property
     def trial(self) -> np.ndarray: ...
+    @property
+    def fit_trials(self) -> tuple[int, ...]: ...
     @property
     def slices(self) -> Sequence[slice]: ...
     @property

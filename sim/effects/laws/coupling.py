@@ -26,6 +26,8 @@ MOVING = 5e-3
 MOTION, ACCELERATION, EFFORT = 0.0, 1.0, 2.0
 #: Joints between which a motor is looked for that turns with both: those of a wrist.
 WRIST = 2
+#: How fast the other joint goes at least while one moves, over that one, in root mean square.
+TOGETHER = 0.1
 #: Whether it turns by the sum or the difference of their ways, and over which width its direction
 #: changes, over the top speed.
 SENSES, WIDTHS = (1.0, -1.0), (0.004, 0.02)
@@ -197,13 +199,19 @@ class CoupledMotor(Law):
 
 
 def _beside_in_wrist(recording: Recording, joint: int) -> list[int]:
-    """Return the joints near in the chain that move while this one does, in the same way."""
-    ways = _ways_beside(recording, joint)
+    """Return the joints near in the chain that move while this one does, in the same way.
+
+    In trials that are fitted, and not by a little: a motor of two joints of which one is held rubs
+    as one of the joint's own.
+    """
+    fitted = np.isin(recording.trial, recording.fit_trials)
+    moves = fitted & (np.abs(recording.velocity[:, joint]) > recording.rest_speed[joint])
+    power = (recording.velocity[moves] ** 2).sum(axis=0)
     return [
         other
         for other in _others(recording, joint)
         if abs(other - joint) <= WRIST
-        and ways[other] > MOVING
+        and power[other] > TOGETHER**2 * power[joint]
         and recording.is_hinge(other) == recording.is_hinge(joint)
     ]
 

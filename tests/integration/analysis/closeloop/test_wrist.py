@@ -23,16 +23,21 @@ def speeds(rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([size * ramp for size in sign * rng.uniform(2.0, 7.0, MOVEMENTS)])
 
 
-def closed(tmp_path: Path, sense: float, share: float = 1.0) -> dict[str, Any]:
+def closed(
+    tmp_path: Path, sense: float, share: float = 1.0, *, apart: bool = False
+) -> dict[str, Any]:
     """Return the report of a recorded wrist: 9 s to fit, 3 s held out.
 
     Args:
         tmp_path: an empty folder.
         sense: 1 if the last motor turns by the sum of both speeds, -1 by the difference.
         share: of what that motor rubs and takes; 0 is a wrist of two motors with a joint each.
+        apart: whether one joint moves, and then the other, in what is fitted.
     """
     rng = np.random.default_rng(4)
     v = np.column_stack([speeds(rng), speeds(rng)])
+    if apart:
+        v[: len(v) // 3, 1] = v[len(v) // 3 : 3 * len(v) // 4, 0] = 0.0
     q, a = np.cumsum(v, axis=0) / RATE, np.gradient(v, 1 / RATE, axis=0)
     both, acceleration = (signal[:, 0] + sense * signal[:, 1] for signal in (v, a))
     last = share * (0.0096 * acceleration + 0.62 * both + 1.95 * np.tanh(both / 0.02))
@@ -105,3 +110,9 @@ def test_a_motor_may_turn_by_the_difference(tmp_path: Path) -> None:
 def test_a_wrist_of_a_motor_for_each_joint_has_friction_and_inertia_alone(tmp_path: Path) -> None:
     names = {effect["name"] for effect in closed(tmp_path, 1.0, 0.0)["effects"]}
     assert names == {"viscous_friction", "coulomb_friction", "added_inertia"}
+
+
+def test_joints_that_move_one_after_another_show_no_motor_of_two(tmp_path: Path) -> None:
+    """As robots are often identified; a UR10e's shoulder got one that it does not have."""
+    names = {effect["name"] for effect in closed(tmp_path, 1.0, apart=True)["effects"]}
+    assert "coulomb_friction" in names and "coupled_motor" not in names
