@@ -2,6 +2,7 @@
 
 import re
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,6 @@ from analysis.closeloop.logs.log import Channel, Log
 JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Quantities of a joint state with their units (REP 103), those of a hinge; a slide's are m and N.
 QUANTITIES = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
-#: How many samples of another kind one of an effort stands for, where topics are compared.
-EFFORTS = 1000
 #: Numbers of one message of another kind that become channels: more is a picture or a map.
 MAX_NUMBERS = 40
 
@@ -35,7 +34,6 @@ def read(path: Path) -> Log:
     from rosbags.typesys import Stores, get_typestore
 
     found: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
-    states: dict[str, int] = defaultdict(int)
     failed: dict[str, str] = {}
     count: dict[str, int] = defaultdict(int)
     try:
@@ -54,14 +52,13 @@ def read(path: Path) -> Log:
                 topic = connection.topic if connection.msgtype == JOINT_STATE else ""
                 for name, value in _numbers(message, connection.msgtype, connection.topic):
                     found[topic, name].append((time, value))
-                    # What has efforts, then what has more of anything.
-                    states[topic] += EFFORTS if name.endswith(".effort") else 1
     except (AnyReaderError, Error1, Error2) as error:
         why = " ".join(str(error).split())[:200]
         raise SessionError(f"is no ROS bag that can be read: {why}", file=path.name) from None
     log = Log(kind="ROS bag")
-    best = max((t for t in states if t), key=lambda t: (not _is_wanted(t), states[t]), default="")
-    for topic in sorted(states.keys() - {best, ""}):
+    states = {topic for topic, _ in found if topic}
+    best = max(sorted(states), key=lambda topic: _rank(topic, found), default="")
+    for topic in sorted(states - {best}):
         log.remarks.append(f"{topic} holds joint states, too, and was left out beside {best}")
     for (topic, name), samples in found.items():
         if topic in (best, "") and len(samples) >= 2:
@@ -72,9 +69,17 @@ def read(path: Path) -> Log:
     return log
 
 
-def _is_wanted(topic: str) -> bool:
-    """Whether a topic's name says that it holds what was wanted, and not what was measured."""
-    return any(word in WANTED for word in re.findall("[a-z]+", topic.lower()))
+def _rank(
+    topic: str, found: Mapping[tuple[str, str], Sequence[tuple[float, float]]]
+) -> tuple[bool, int, int]:
+    """Return what the topic of measured joint states has most of: efforts, then all samples.
+
+    Before that comes one whose name does not say that it is what was wanted.
+    """
+    wanted = any(word in WANTED for word in re.findall("[a-z]+", topic.lower()))
+    own = {name: len(samples) for (other, name), samples in found.items() if other == topic}
+    efforts = sum(count for name, count in own.items() if name.endswith(".effort"))
+    return not wanted, efforts, sum(own.values())
 
 
 def _stamp(message: Any) -> float | None:
