@@ -1,7 +1,7 @@
 """Pictures of one assessment: the trial as curves, and the arm in the exoskeleton."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,6 +9,9 @@ from sim.assessment.assess import Assessment, fit_record, inferred_torques
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+#: Room beside every panel of `even_panels` for ticks, labels and a title, inches.
+LEFT, RIGHT, BELOW, ABOVE = 0.68, 0.08, 0.28, 0.22
 
 
 def new_figure(*, width: float, height: float) -> "Figure":
@@ -19,6 +22,35 @@ def new_figure(*, width: float, height: float) -> "Figure":
     figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def even_panels(
+    rows: int, columns: int, *, width: float, height: float, labelled: float = 0.0
+) -> tuple["Figure", Any]:
+    """Return a figure (inches) of panels of one size, and its axes, (rows, columns).
+
+    Room for labels is given, not found: of many panels, finding it takes longer than drawing them.
+
+    Args:
+        rows: of panels.
+        columns: of panels.
+        width: of the figure.
+        height: of the figure.
+        labelled: height of what stands below the ticks of every panel.
+    """
+    figure = new_figure(width=width, height=height)
+    figure.set_layout_engine(None)
+    below = BELOW + labelled
+    own_width, own_height = width / columns - LEFT - RIGHT, height / rows - below - ABOVE
+    figure.subplots_adjust(
+        left=LEFT / width,
+        right=1.0 - RIGHT / width,
+        bottom=below / height,
+        top=1.0 - ABOVE / height,
+        wspace=(LEFT + RIGHT) / own_width,
+        hspace=(below + ABOVE) / own_height,
+    )
+    return figure, figure.subplots(rows, columns, squeeze=False)
 
 
 def assessment_figure(assessment: Assessment, path: Path) -> Path:

@@ -11,7 +11,7 @@ import numpy as np
 from analysis.closeloop.report.answer import Answer
 from analysis.closeloop.report.preview import preview, remarks
 from analysis.reports.html import data_uri, render
-from sim.pictures.figures import new_figure
+from sim.pictures.figures import even_panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,8 +61,8 @@ def _image(figure: "Figure") -> str:
 
 def _evidence(found: Answer, joint: int) -> "Figure":
     recording = found.recording
-    figure = new_figure(width=10.0, height=3.4)
-    velocity, position, acceleration = (figure.add_subplot(1, 3, i) for i in (1, 2, 3))
+    figure, panels = even_panels(1, 3, width=10.0, height=3.4, labelled=0.2)
+    velocity, position, acceleration = panels[0]
     signals = (
         (velocity, recording.velocity, "velocity"),
         (position, recording.position, "position"),
@@ -95,9 +95,8 @@ def _trials(found: Answer, joint: int) -> "Figure":
     pairs = [(b, a) for b, a in zip(found.before, found.after, strict=True) if b.joint == joint][
         :MAX_TRIALS
     ]
-    figure = new_figure(width=10.0, height=1.3 * len(pairs) + 0.5)
-    for number, (before, after) in enumerate(pairs, start=1):
-        axes = figure.add_subplot(len(pairs), 1, number)
+    figure, panels = even_panels(len(pairs), 1, width=10.0, height=1.5 * len(pairs))
+    for axes, (before, after) in zip(panels[:, 0], pairs, strict=True):
         step = max(1, len(before.time) // MAX_POINTS)
         trial = found.recording.session.trials[before.trial]
         for event in _events(found, joint, trial.file):

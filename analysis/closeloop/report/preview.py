@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.closeloop.session.recording import Recording
-from sim.pictures.figures import new_figure
+from sim.pictures.figures import even_panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,21 +77,19 @@ def preview(recording: Recording, number: int) -> "Figure":
     Raw samples of position and effort are grey; what the analysis works with is in colour.
     """
     trial = recording.session.trials[number]
-    figure = new_figure(width=10.0, height=1.9 * len(recording.joints) + 0.3)
+    joints = recording.joints
+    figure, panels = even_panels(len(joints), 3, width=10.0, height=1.9 * len(joints))
     pieces = recording.pieces_of(number)
     every = max(1, len(trial.time) // MAX_POINTS)
-    for row, joint in enumerate(recording.joints):
+    for row, joint in zip(panels, joints, strict=True):
         name = recording.name(joint)
         angle, unit = recording.device.angle_unit(name), recording.device.unit(name)
-        for place, (word, label, smooth) in enumerate(
-            (
-                ("position", f"{name}, {angle}", recording.position),
-                ("velocity", f"{angle}/s", recording.velocity),
-                ("effort", f"effort, {unit}", recording.effort),
-            ),
-            start=1,
-        ):
-            axes = figure.add_subplot(len(recording.joints), 3, 3 * row + place)
+        signals = (
+            ("position", f"{name}, {angle}", recording.position),
+            ("velocity", f"{angle}/s", recording.velocity),
+            ("effort", f"effort, {unit}", recording.effort),
+        )
+        for axes, (word, label, smooth) in zip(row, signals, strict=True):
             raw = trial.columns.get(f"{name}.{word}")
             if raw is not None:
                 axes.plot(trial.time[::every], raw[::every], color="0.7", lw=1.0)
