@@ -14,8 +14,10 @@ import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
 from analysis.closeloop.identification.arms.skew import synchronised
+from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS
 from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.sticking import driven, samples_step
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.interface import beyond_interface
 from analysis.closeloop.identification.tracing import trace
@@ -37,6 +39,10 @@ from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.report.still import still_answer
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.units import doubtful_units
+
+#: Time that a joint moves by itself, s, before a fit says anything of it; or else it leaves its
+#: hold in some blocks of time, each for so long.
+MOVES, MOVES_OUT = 1.0, 0.2
 
 
 def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> Answer:
@@ -82,8 +88,18 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
 
 
 def _rests(recording: Recording) -> bool:
-    """Whether no joint moves long enough for a fit."""
-    return recording.still or not select_rows(recording, recording.fit_trials).joints
+    """Whether no joint moves long enough for a fit: it is held, and pushed now and then at most."""
+    if recording.still:
+        return True
+    rows = select_rows(recording, recording.fit_trials)
+    for joint in rows.joints:
+        samples = rows.samples[joint]
+        period = samples_step(samples) / recording.rate
+        seconds = np.bincount(rows.block[rows.parts[joint]]) * period
+        by_itself = float(driven(recording, joint, samples).sum()) * period
+        if by_itself >= MOVES or int(np.sum(seconds >= MOVES_OUT)) >= LEAST_BLOCKS:
+            return False
+    return True
 
 
 def close_loop(

@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
 from scipy.spatial import cKDTree
 
 from analysis.closeloop.identification.balance.least_squares import gram_matrices
-from analysis.closeloop.identification.balance.luck import MIN_TORQUE
+from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS, MIN_TORQUE
 from analysis.closeloop.identification.balance.model import (
     Model,
     evaluate,
@@ -33,7 +33,13 @@ from analysis.closeloop.identification.balance.sticking import (
 from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import with_free_presliding
-from analysis.closeloop.judgement.holds import STICTION, away_events, rest_events, spread
+from analysis.closeloop.judgement.holds import (
+    AROUND,
+    STICTION,
+    away_events,
+    rest_events,
+    spread,
+)
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import lowpass, rms
@@ -54,8 +60,11 @@ LOCAL = 0.25
 #: a motion starts at once, filters and the time of a sample are wrong by a share of that. Set on
 #: four sessions of the unkind bench (tuning seeds): 0.04 to 0.3 without an event, 10 at a push.
 ABRUPT = 0.5
-#: Time around a start at which filters still feel it, s.
-AROUND = 0.1
+#: ... unless it is so many times the share that is left wherever else a motion starts as abruptly.
+#: Set on two of its arms (tuning 34015, 34110): 2 and 3 at the start of a stretch, 5 at a push.
+AS_ABRUPT = 4.0
+#: Time to a place that is another one, s.
+ELSEWHERE = 1.0
 #: How near another pass is (in deviations of place, speed and acceleration), and which share of
 #: the residual makes it the same.
 NEAR, ALIKE = 0.3, 0.4
@@ -229,15 +238,15 @@ def _moving(model: Model, rows: Rows, joint: int, friction: float) -> Iterator[E
     motion = [x[samples, joint] for x in (recording.velocity, recording.acceleration)]
     places = [recording.position[samples, joint], np.sign(turned) * np.log(np.abs(turned) + 0.02)]
     ways = [_Way(recording.time[samples], [place, *motion]) for place in places]
-    abrupt = ABRUPT * upper_octave(recording, joint)[samples]
-    abrupt = np.maximum(abrupt, STICTION * friction * sticking(recording, joint)[samples])
+    octave = np.maximum(upper_octave(recording, joint)[samples], 1e-12)
+    stuck = STICTION * friction * sticking(recording, joint)[samples]
     # Less than matters beside the effort is no event either.
-    abrupt = np.maximum(abrupt, MIN_TORQUE * rms(recording.effort[samples, joint]))
+    stuck = np.maximum(stuck, MIN_TORQUE * rms(recording.effort[samples, joint]))
     for seconds in SCALES:
         width = max(1, round(seconds / step))
-        relative, sure, alone, predicted, excused = (
+        relative, sure, alone, predicted, excused, abrupt = (
             _averaged(signal, pieces, width)
-            for signal in (beyond.relative, beyond.sure, beyond.alone, beyond.left, abrupt)
+            for signal in (beyond.relative, beyond.sure, beyond.alone, beyond.left, stuck, octave)
         )
         # What a right model leaves is noise; of a wrong one splines take what is usual.
         usual = max(min(spread(alone), spread(predicted)), 1e-12)
@@ -249,11 +258,16 @@ def _moving(model: Model, rows: Rows, joint: int, friction: float) -> Iterator[E
         for piece in pieces:
             for run in runs(size[piece] > FLANK):
                 own = piece[run]
-                top = own[np.argmax(size[own])]
-                least = min(abs(sure[top]), abs(alone[top]))
-                if size[top] <= PEAK or least <= excused[top]:
+                least = np.minimum(np.abs(sure[own]), np.abs(alone[own]))
+                clear = own[_lasting(least > excused[own], size[own])]
+                if not len(clear):
                     continue
-                if any(way.comes_back(smooth, int(top)) for way in ways):
+                calm = clear[least[clear - own[0]] > ABRUPT * abrupt[clear]]
+                among = calm if len(calm) else clear
+                top = int(among[np.argmax(size[among])])
+                if not len(calm) and not _more_than_abrupt(alone, abrupt, rows, joint, top):
+                    continue
+                if any(way.comes_back(smooth, top) for way in ways):
                     continue
                 peak = own[np.argmax(np.abs(left[own]))]
                 yield Event(
@@ -263,6 +277,22 @@ def _moving(model: Model, rows: Rows, joint: int, friction: float) -> Iterator[E
                     end=float(recording.time[samples[own[-1]]]),
                     peak=float(left[peak]),
                 )
+
+
+def _lasting(beyond: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return which rows of a run show an event, (r,): its top, or else two in a row.
+
+    What is unknown where a joint turns may last a row longer than its motion says.
+
+    Args:
+        beyond: which rows have more than what is unknown there, (r,).
+        size: of every row, over what is usual, (r,).
+    """
+    clear = beyond & (size > PEAK)
+    if clear[np.argmax(size)]:
+        return clear
+    both = clear[1:] & clear[:-1]
+    return np.append(both, False) | np.append(False, both)
 
 
 def _averaged(signal: np.ndarray, pieces: Sequence[np.ndarray], width: int) -> np.ndarray:
@@ -283,6 +313,26 @@ def upper_octave(recording: Recording, joint: int) -> np.ndarray:
     return found
 
 
+def _more_than_abrupt(
+    left: np.ndarray, octave: np.ndarray, rows: Rows, joint: int, top: int
+) -> bool:
+    """Whether more is left than wherever else a motion is about as abrupt.
+
+    Args:
+        left: what the model leaves of a joint's rows, Nm or N, (r,).
+        octave: torque that its motion needs there in the fit's upper octave, Nm or N, (r,).
+        rows: the samples of all joints in motion.
+        joint: which.
+        top: the row in question.
+    """
+    time, block = rows.recording.time[rows.samples[joint]], rows.block[rows.parts[joint]]
+    like = (octave > 0.5 * octave[top]) & (np.abs(time - time[top]) > ELSEWHERE)
+    share = np.abs(left) / octave
+    if len(np.unique(block[like])) < LEAST_BLOCKS:
+        return False
+    return bool(share[top] > AS_ABRUPT * share[like].max())
+
+
 class _Way:
     """Passes through the same motion: the same place or phase, speed and acceleration."""
 
@@ -296,7 +346,7 @@ class _Way:
         """Whether the joint leaves the same residual in other passes as at row `top`."""
         time = self._time
         near = np.array(self._tree.query_ball_point(self._state[top], NEAR), dtype=int)
-        near = np.sort(near[np.abs(time[near] - time[top]) > 1.0])
+        near = np.sort(near[np.abs(time[near] - time[top]) > ELSEWHERE])
         if not len(near):
             return False
         passes = np.split(near, np.flatnonzero(np.diff(time[near]) > 0.5) + 1)

@@ -18,6 +18,7 @@ from scipy.signal import medfilt, oaconvolve, welch
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import Carried, Floor
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import last_digit
 
 #: Length of a movement that is looked for again, s, and rate at which it is looked for, Hz.
 PASS_SECONDS, PASS_RATE = 2.0, 50.0
@@ -227,11 +228,3 @@ def _low_passed(frequency: np.ndarray, power: np.ndarray, low: float, high: floa
     level = np.log(np.maximum(power[1:], 1e-12 * power.max()))
     fall = np.polyfit(octaves, np.interp(octaves, np.log(frequency[1:]), level), 1)[0]
     return bool(fall < STEEP)
-
-
-def last_digit(signal: np.ndarray) -> float:
-    """Return what rounding to a channel's steps leaves, or 0 if it shows no steps."""
-    levels = np.unique(signal)
-    if len(levels) < 2 or len(levels) > 0.2 * len(signal):
-        return 0.0
-    return float(np.median(np.diff(levels)) / np.sqrt(12.0))

@@ -6,13 +6,13 @@ Friction at rest has any value, so a joint is compared with the course of its ow
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.stats import norm
 
 from analysis.closeloop.identification.findings import Event
-from analysis.closeloop.judgement.floor import last_digit
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import AWAY, MOVING, runs
+from analysis.closeloop.session.signals import last_digit
 
 #: An event's flanks and its peak, over the spread of a course: stiction creeps.
 FLANK, PEAK = 2.5, 8.0
@@ -30,6 +30,14 @@ COURSE = 4.0
 BEFORE = 0.5
 #: Friction may keep it on the way back, but this share of the way it comes: what slips does not.
 RETURNS = 0.25
+#: What is left of a motion within a hold is no push below this share of the torque that the motion
+#: takes: a quick stretch that slowly comes back is a hold, too. (Set while looking at limb 36022 of
+#: the unkind bench, tuning seeds: 0.02.)
+OF_MOTION = 0.05
+#: Time around a motion at which filters still feel it, s.
+AROUND = 0.1
+#: Share of an effort that arithmetic rounds off.
+ROUNDING = 1e-9
 #: Friction takes power all the time; of this share of it, more is taken than given.
 RUBS = 0.5
 
@@ -71,14 +79,21 @@ def rest_events(
     sampling = recording.sampling
     hardly = expected is None and not still
     share = 2.0 * sampling.fit_cutoff / sampling.recorded if hardly else 1.0
-    trials = np.unique(recording.trial)
-    noise = max(_noise(recording.raw_effort(n, joint), min(1.0, share)) for n in trials)
+    # Of each trial: where the joint moves, its effort's samples differ by more than their noise.
+    noise = {
+        int(trial): _noise(recording.raw_effort(trial, joint), min(1.0, share))
+        for trial in np.unique(recording.trial)
+    }
     usual = quiet_spread(np.concatenate([beyond for _, beyond in courses]))
-    least = max(PEAK * usual, STICTION * friction, OVER_NOISE * noise)
     if usual <= 0.0:
         return
-    excused = np.broadcast_to(abrupt, recording.time.shape)
+    taken = np.abs(explained[-1] - recording.static[:, joint])
+    taken = maximum_filter1d(taken, int(AROUND * recording.rate) | 1)
+    excused = np.maximum(abrupt, OF_MOTION * taken)
     for samples, beyond in courses:
+        own = OVER_NOISE * noise[int(recording.trial[samples[0]])]
+        least = max(PEAK * usual, STICTION * friction, own)
+        least = max(least, ROUNDING * float(np.abs(recording.effort[samples, joint]).max()))
         away = recording.position[samples, joint]
         away = away - np.median(away)
         for run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):

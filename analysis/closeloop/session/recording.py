@@ -12,12 +12,15 @@ from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.link_torque import ChainMotion, chain_motion
 from analysis.closeloop.session.runs import holds, rests, runs
 from analysis.closeloop.session.signals import (
+    FLICKERS,
     LEAST_MEASURED,
     REST_SHARE,
     MeasuredLowpass,
     Sampling,
     before_lag,
+    digit_speed,
     lagged,
+    last_digit,
     lowpass,
     shifted,
     slope,
@@ -230,7 +233,18 @@ class Recording:
 
     @cached_property
     def rest_speed(self) -> np.ndarray:
-        return np.asarray(REST_SHARE * self.top_speed)
+        """Speed below which a joint counts as resting, (joints,): its encoder's steps are none."""
+        flicker = [
+            digit_speed(self._last_digit(joint), self.sampling)
+            for joint in range(self.position.shape[1])
+        ]
+        return np.asarray(np.maximum(REST_SHARE * self.top_speed, FLICKERS * np.array(flicker)))
+
+    def _last_digit(self, joint: int) -> float:
+        """Return what rounding leaves of a joint's position, rad or m; 0 if it shows no steps."""
+        raw = [self.raw_position(trial, joint) for trial in range(len(self.session.trials))]
+        known = [signal for signal in raw if signal is not None]
+        return last_digit(np.concatenate(known)) if known else 0.0
 
     def resting(self, joint: int, piece: slice) -> np.ndarray:
         """Return where the joint stays below its rest speed for longer than a reversal takes."""

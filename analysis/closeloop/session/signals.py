@@ -26,6 +26,8 @@ LEAST_MEASURED = 0.5
 ENDS, ENDS_ORDER = 1.5, 4
 #: A joint counts as at rest below this share of its fastest motion.
 REST_SHARE = 0.01
+#: ... or below this many times the speed that its encoder's last digit makes of rest.
+FLICKERS = 3.0
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,27 @@ def sampling_at(cutoff: float, rate: float, cutoff_from: str) -> Sampling:
     """Return the rates for a kinematic cutoff, Hz, and a recorded rate, Hz."""
     working = rate / max(1, int(rate / max(MIN_RATE, OVERSAMPLING * cutoff)))
     return Sampling(recorded=rate, working=working, cutoff=cutoff, cutoff_from=cutoff_from)
+
+
+def last_digit(signal: np.ndarray) -> float:
+    """Return what rounding to a channel's steps leaves, or 0 if it shows no steps."""
+    levels = np.unique(signal)
+    if len(levels) < 2 or len(levels) > 0.2 * len(signal):
+        return 0.0
+    return float(np.median(np.diff(levels)) / np.sqrt(12.0))
+
+
+def digit_speed(digit: float, sampling: Sampling) -> float:
+    """Return the speed that rounding a position makes of rest, in root mean square.
+
+    White noise of `digit`, differentiated and passed through the positions' low-pass.
+
+    Args:
+        digit: what rounding leaves (`last_digit`), rad or m.
+        sampling: of the session.
+    """
+    band = sampling.cutoff**3 / (1.5 * sampling.recorded)
+    return float(2.0 * np.pi * digit * np.sqrt(band))
 
 
 def rms(signal: np.ndarray) -> float:

@@ -8,7 +8,7 @@ import pytest
 from analysis.closeloop.identification.balance.model import Model, Term, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Event
-from analysis.closeloop.judgement.events import find_events, spared
+from analysis.closeloop.judgement.events import find_events, spared, upper_octave
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
@@ -188,3 +188,30 @@ def test_friction_that_sticks_where_a_joint_turns_is_no_event(swinging: Recordin
     pushed_there[fastest - 3 : fastest + 4] -= 2.0 * sign[fastest]
     found = with_effort(swinging, pushed_there)
     assert len(find_events(Model(found, terms=(term,)), found)) == 1
+
+
+def test_a_push_is_found_beside_a_turn_that_alone_would_be_excused(swinging: Recording) -> None:
+    """Most is left where the joint turns, and friction may be that; as much again is left after."""
+    friction, theta = BY_NAME["coulomb_friction"], {"smooth": 0.004}
+    bare = with_effort(swinging, np.zeros(len(TIME)))
+    sign = np.sign(bare.velocity[:, 1])
+    turn = int(np.flatnonzero((np.diff(sign) != 0) & (TIME[1:] > 30.0))[0])
+    columns = friction.columns(unfitted(bare, 1), theta)
+    term = Term(joint=1, columns=columns, kept=(0,), theta=theta, effect=friction)
+    push = pushed(TIME[turn] - 0.35, 0.8, 1.4)
+    found = with_effort(swinging, 2.0 * sign + push)
+    (event,) = find_events(Model(found, terms=(term,)), found)
+    assert TIME[turn] - 0.6 < event.begin < TIME[turn] < event.end < TIME[turn] + 0.8
+
+
+def test_a_push_of_a_joint_that_is_always_abrupt_is_found(swinging: Recording) -> None:
+    """Filters might leave as much; wherever else the motion is as quick they leave next to none."""
+    acceleration = np.array(swinging.acceleration)
+    acceleration[:, 1] += 150.0 * np.sin(2 * np.pi * 4.0 * TIME + np.sin(TIME))
+    quick = replace(swinging, acceleration=acceleration, cache={})
+    push = pushed(41.0, 0.8, -0.7)
+    octave = upper_octave(quick, 1)
+    assert 0.5 * octave.min() > 0.7
+    (event,) = find_events(Model(quick), with_effort(quick, push))
+    assert 40.8 < event.begin < 41.4 < event.end < 42.0
+    assert find_events(Model(quick), with_effort(quick, 0.0 * push)) == ()

@@ -11,9 +11,9 @@ from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.events import find_events, spared
-from analysis.closeloop.judgement.floor import last_digit
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import last_digit
 from analysis.closeloop.signs import check_signs
 from tests.testbed.sessions.moved import moved
 
@@ -235,3 +235,34 @@ def test_a_push_to_where_friction_holds_the_joint_is_no_flipped_sign(recording: 
     there_and_back = holding(recording, 0.03 * (shoved(12.1) - shoved(15.1)), still, sag=0.0)
     with pytest.raises(SessionError, match="opposite sign"):
         check_signs(with_effort(there_and_back, -9.0 * (shoved(12.0) - shoved(15.0))))
+
+
+def test_what_a_joint_s_motion_makes_of_its_effort_hides_no_push_of_its_rest(
+    recording: Recording,
+) -> None:
+    """From one sample to the next the effort of a quick trial differs by more than its noise."""
+    one = holding(recording, np.zeros(len(TIME)), -0.8 * bump(12.0, 0.8), sag=0.0)
+    quick = holding(recording, 0.6 * np.sin(2 * np.pi * 1.1 * TIME), np.zeros(len(TIME)), sag=0.0)
+    (held,), (moving,) = one.session.trials, quick.session.trials
+    effort = quick.rigid[:, 1] + NOISE * np.random.default_rng(6).standard_normal(len(TIME))
+    quick = with_effort(quick, effort)
+    moving = replace(moving, file="b.csv", columns={**moving.columns, "elbow.effort": effort})
+    assert np.median(np.abs(np.diff(effort))) > 3.0 * NOISE
+    rows = ("position", "velocity", "acceleration", "effort", "measured", "extra")
+    both = replace(
+        one,
+        session=replace(one.session, trials=(held, moving)),
+        slices=[slice(0, len(TIME)), slice(len(TIME), 2 * len(TIME))],
+        trial=np.repeat([0, 1], len(TIME)),
+        time=np.concatenate([TIME, TIME[-1] + 1.0 + TIME]),
+        cache={},
+        **{name: np.concatenate([getattr(one, name), getattr(quick, name)]) for name in rows},
+    )
+    (event,) = find_events(Model(both), both)
+    assert 11.9 < event.begin < 12.3 < 12.5 < event.end < 12.9
+
+
+def test_an_effort_that_never_changes_holds_no_event(recording: Recording) -> None:
+    held = holding(recording, np.zeros(len(TIME)), np.zeros(len(TIME)), sag=0.0)
+    effort = held.static[:, 1] + 1e-15 * np.random.default_rng(7).standard_normal(len(TIME)) ** 9
+    assert find_events(Model(held), replace(with_effort(held, effort), still=True)) == ()

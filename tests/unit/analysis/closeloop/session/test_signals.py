@@ -1,9 +1,19 @@
 """What filters and shifts of a signal do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from analysis.closeloop.session.signals import derivatives, lagged, sampling_at, shifted, slope
+from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import (
+    derivatives,
+    digit_speed,
+    lagged,
+    sampling_at,
+    shifted,
+    slope,
+)
 
 
 def test_a_delay_and_its_opposite_cancel() -> None:
@@ -42,3 +52,24 @@ def test_a_recording_cut_in_motion_keeps_its_acceleration_to_the_ends(cutoff: fl
     period = int(100.0 / cutoff)
     assert off[:2].max() < 0.12 and off[-2:].max() < 0.12
     assert off[period:-period].max() < 0.006
+
+
+def test_rounding_makes_of_rest_the_speed_that_is_said() -> None:
+    """An encoder of 1.5 mrad that flickers between two steps, 100 Hz, low-pass at 8 Hz."""
+    rng, sampling = np.random.default_rng(8), sampling_at(8.0, 100.0, "encoder")
+    step = 1.5e-3
+    rounded = step * np.round(0.3 * rng.standard_normal(20000) + rng.uniform(-0.5, 0.5, 20000))
+    _, velocity, _ = derivatives(rounded[:, None], sampling)
+    digit = float(np.std(rounded))
+    assert digit_speed(digit, sampling) == pytest.approx(float(np.std(velocity)), rel=0.15)
+
+
+def test_an_encoder_that_flickers_leaves_a_joint_at_rest(recording: Recording) -> None:
+    trial = recording.session.trials[0]
+    steps = 1.5e-3 * np.round(np.random.default_rng(9).uniform(0.0, 1.2, 400))
+    coarse = replace(trial, columns={**trial.columns, "elbow.position": steps})
+    session = replace(recording.session, trials=(coarse,))
+    seen = replace(recording, session=session, velocity=0.1 * recording.velocity)
+    least = 3.0 * digit_speed(1.5e-3 / np.sqrt(12.0), recording.sampling)
+    assert seen.rest_speed[1] == pytest.approx(least)
+    assert seen.rest_speed[0] == pytest.approx(0.01 * seen.top_speed[0])

@@ -1,0 +1,55 @@
+"""A device that is held all the time and pushed now and then: pushes are told, and nothing else."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.loop import close_loop
+
+RATE, SECONDS, TRIALS = 100.0, 5.0, 4
+#: A hobby servo's encoder, 12 bits a turn, rad.
+STEP = 2.0 * np.pi / 4096
+
+
+def held(folder: Path, declared: list[dict[str, str]]) -> dict[str, Any]:
+    """Return the report of a joint that its controller holds, pushed in the first of four trials.
+
+    Its encoder flickers between two steps, which is faster than a hundredth of what the push does.
+    """
+    rng, trials = np.random.default_rng(12), []
+    for number in range(TRIALS):
+        time = 10.0 * number + np.arange(int(RATE * SECONDS)) / RATE
+        since = (time - 2.0) / 0.9
+        push = np.where((since > 0) & (since < 1), 20.0 * np.sin(np.pi * since) ** 2, 0.0)
+        away = 0.05 * push / 20.0 + 4e-4 * rng.standard_normal(len(time))
+        effort = -push + 0.3 * rng.standard_normal(len(time))
+        table = np.column_stack([time, STEP * np.round((away + STEP / 2) / STEP), effort])
+        header = "time,elbow.position,elbow.effort"
+        name = f"t{number}.csv"
+        np.savetxt(folder / name, table, delimiter=",", header=header, comments="", fmt="%.9g")
+        trials.append({"file": name, "role": "holdout" if number == TRIALS - 1 else "fit"})
+    (folder / "device.xml").write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="elbow" axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass="2"/></body></worldbody>'
+        "</mujoco>"
+    )
+    content = {"schema": 1, "model": "device.xml", "trials": trials}
+    (folder / "session.json").write_text(json.dumps(content | {"declared_effects": declared}))
+    return close_loop(folder, folder / "out")
+
+
+@pytest.mark.parametrize("limb", [False, True], ids=["a robot", "a limb"])
+def test_a_push_of_what_a_coarse_encoder_sees_is_told_and_nothing_is_fitted(
+    tmp_path: Path, limb: bool
+) -> None:
+    """The push of 20 Nm was called adequate, or made a stiffness of."""
+    declared = [{"effect": "viscoelastic_joint", "joint": "elbow"}] if limb else []
+    report = held(tmp_path, declared)
+    assert report["verdict"] == "unexplained" and report["effects"] == []
+    (event,) = report["unexplained"]["elbow"]["events"]
+    assert event["file"] == "t0.csv" and 1.9 < event["from"] < 2.5 < event["to"] < 3.0
+    assert report["impedance"] == {}
+    assert any("no joint moves long enough" in line for line in report["warnings"])
