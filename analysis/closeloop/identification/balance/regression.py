@@ -11,7 +11,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.stats import rankdata
+from scipy.stats import norm, rankdata
+from scipy.stats import t as student
 
 from analysis.closeloop.identification.balance.halves import lone_carriers, lone_movers
 from analysis.closeloop.identification.balance.least_squares import fits_without_each, gram_matrices
@@ -239,16 +240,16 @@ def select_rows(recording: Recording, trials: tuple[int, ...], *, rests: bool = 
 
 
 def _halves(recording: Recording, trials: tuple[int, ...]) -> dict[int, float]:
-    """Return when to halve the trials of a group that alone carries a payload or moves a joint."""
+    """Return when to halve the trials of a group that alone carries a payload or moves joints."""
     fitted = {number: recording.session.trials[number] for number in trials}
     seen = recording.usable
     if recording.disturbed is not None:
         seen = seen & ~recording.disturbed.any(axis=1)
-    travel: dict[str, np.ndarray] = {}
+    travel: dict[str, list[np.ndarray]] = {}
     for number, trial in fitted.items():
         own = recording.position[seen & (recording.trial == number)]
         if len(own):
-            travel[trial.group] = np.maximum(travel.get(trial.group, 0.0), np.ptp(own, axis=0))
+            travel.setdefault(trial.group, []).append(np.ptp(own, axis=0))
     alone = lone_carriers([*fitted.values()]) | lone_movers(travel, recording.joints)
     return {
         number: float(np.median(recording.time[recording.trial == number]))
@@ -364,4 +365,21 @@ def rank_z(worse: np.ndarray, better: np.ndarray) -> float:
 def takes_all(worse: np.ndarray, better: np.ndarray) -> bool:
     """Whether nearly nothing is left of the losses, (blocks,), however few blocks hold them."""
     gain = float((worse - better).sum())
-    return gain > WHOLE_GAIN * float(worse.sum()) and rank_z(worse, better) > WHOLE_Z
+    steadily = rank_z(worse, better) > WHOLE_Z or ratio_z(worse, better) > WHOLE_Z
+    return gain > WHOLE_GAIN * float(worse.sum()) and steadily
+
+
+def ratio_z(worse: np.ndarray, better: np.ndarray) -> float:
+    """Return how steadily losses, (blocks,), fall by a factor: Student's t of their logarithms.
+
+    Ranks of fewer than eight blocks are never sure, though each should lose all but a thousandth.
+
+    Returns:
+        Standard errors of a normal distribution that are as rare; 0 of fewer than three blocks.
+    """
+    held = (worse > 0.0) & (better > 0.0)
+    if held.sum() < 3:
+        return 0.0
+    factors = np.log(worse[held] / better[held])
+    error = max(float(factors.std(ddof=1)) / np.sqrt(len(factors)), 1e-12)
+    return float(norm.isf(student.sf(float(factors.mean()) / error, len(factors) - 1)))

@@ -19,7 +19,7 @@ TRIALS, ALONE = 5, 2
 
 def movers(*travel: tuple[float, ...]) -> set[str]:
     """Return which of some groups alone move a joint; the second and third have a balance."""
-    return lone_movers({str(n): np.array(own) for n, own in enumerate(travel)}, (1, 2))
+    return lone_movers({str(n): [np.array(own)] for n, own in enumerate(travel)}, (1, 2))
 
 
 def in_trials(moves: np.ndarray) -> Recording:
@@ -77,6 +77,19 @@ def test_a_group_that_alone_moves_a_joint_is_told_whether_the_joint_has_a_balanc
 def test_what_two_groups_move_and_last_digits_of_a_held_joint_are_not_alone() -> None:
     assert movers((0.1, 1.0, 1.0), (0.3, 0.8, 0.6), (0.001, 1.0, 1.0)) == set()
     assert movers((0.004, 1.0, 1.0), (0.0, 0.8, 0.6), (0.0, 1.0, 1.0)) == set()
+
+
+def test_a_group_that_alone_moves_two_joints_at_once_is_told() -> None:
+    """What one does at the other is known from no other group, though each moves in several."""
+    one, other, both = (0.1, 1.0, 0.0), (0.1, 0.0, 0.8), (0.1, 0.7, 0.9)
+    assert movers(one, other, one, other, both) == {"4"}
+    assert movers(one, other, both, both) == set()
+
+
+def test_joints_that_one_trial_of_a_group_moves_after_another_do_not_move_at_once() -> None:
+    apart = [np.array((0.1, 1.0, 0.0)), np.array((0.1, 0.0, 0.8))]
+    both = [np.array((0.1, 0.7, 0.9))]
+    assert lone_movers({"a": apart, "b": both, "c": apart}, (1, 2)) == {"b"}
 
 
 def test_beside_a_group_that_holds_every_joint_with_a_balance_no_other_is_alone() -> None:

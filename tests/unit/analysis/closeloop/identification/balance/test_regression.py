@@ -7,6 +7,7 @@ from scipy import stats
 from analysis.closeloop.identification.balance.regression import (
     compare,
     rank_z,
+    ratio_z,
     select_rows,
     takes_all,
 )
@@ -71,3 +72,22 @@ def test_a_block_is_a_movement_of_a_quick_joint_and_a_second_of_a_slow_one() -> 
     quick, slow = (float(np.median(own)) for own in lengths)
     assert quick == pytest.approx(0.625, abs=0.1)
     assert slow == pytest.approx(1.0, abs=0.1)
+
+
+def test_what_takes_nearly_all_of_each_of_a_few_blocks_is_no_luck() -> None:
+    """Five movements of which a fast one holds most: ranks of five are never sure."""
+    worse = np.array([45600.0, 137800.0, 36200.0, 73600.0, 52300.0])
+    better = np.array([119.0, 150.0, 122.0, 91.0, 108.0])
+    assert takes_all(worse, better) and rank_z(worse, better) < 2.5
+    # As much in all, of two of them nothing.
+    assert not takes_all(worse, np.where(worse > 60000.0, better, 1.2 * worse))
+
+
+def test_a_factor_by_which_losses_fall_is_judged_by_student_s_t() -> None:
+    rng = np.random.default_rng(3)
+    worse, better = rng.lognormal(1.0, 0.5, 6), rng.lognormal(0.2, 0.5, 6)
+    found = stats.ttest_rel(np.log(worse), np.log(better), alternative="greater")
+    assert ratio_z(worse, better) == pytest.approx(float(stats.norm.isf(found.pvalue)))
+    by_chance = [ratio_z(*rng.lognormal(0.0, 1.0, (2, 5))) > 2.5 for _ in range(4000)]
+    assert np.mean(by_chance) == pytest.approx(stats.norm.sf(2.5), abs=0.004)
+    assert ratio_z(np.ones(2), np.full(2, 1e-9)) == 0.0
