@@ -110,6 +110,16 @@ def write_table(path: Path, names: Sequence[str], table: np.ndarray) -> None:
     np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
 
 
+def shorten(folder: Path, seconds: float, write: Callable[[Path], None]) -> None:
+    """Write a session of logs without a header of which every trial ends after some seconds."""
+    write(folder)
+    content = json.loads((folder / "session.json").read_text())
+    for trial in content["trials"]:
+        with (folder / trial["file"]).open() as file:
+            trial["to"] = float(next(csv.reader(file))[0]) + seconds
+    (folder / "session.json").write_text(json.dumps(content))
+
+
 def write_session(folder: Path, model: str, trials: Sequence[dict[str, Any]]) -> None:
     content = {"schema": 1, "model": model, "trials": list(trials)}
     (folder / "session.json").write_text(json.dumps(content))
@@ -240,7 +250,9 @@ def main() -> None:
     if measured is not None:
         test = {"unloaded_20s_7harm": "holdout"}
         fit = {"pair_unloaded": "fit", "unloaded_20s_10harm": "fit"}
-        sessions["UR10e, bare URDF"] = partial(write_ur10e, measured=measured, roles=fit | test)
+        bare = partial(write_ur10e, measured=measured, roles=fit | test)
+        sessions["UR10e, bare URDF"] = bare
+        sessions["UR10e, 60 s of it"] = partial(shorten, seconds=20.0, write=bare)
         roles = {"pair_unloaded": "fit", "pair_loaded": "fit", "unloaded_20s_10harm": "fit"}
         sessions["UR10e, 2.805 kg at the flange"] = partial(
             write_ur10e, measured=measured, roles=roles | test, load="pair_loaded"

@@ -67,12 +67,10 @@ def options_beside(
         for candidate in model.effects
         for simple in candidate.effect.includes
     }
-    declared = {(d.effect, d.joint) for d in model.recording.session.declared}
     known = {term.at.key for term in model.terms if term.effect is not None}
     options = []
     for candidate in tried:
-        joint_name = model.recording.device.joints[candidate.joint]
-        if candidate.key in active | covered or (candidate.effect.name, joint_name) in declared:
+        if candidate.key in active | covered | model.declared:
             continue
         if not has_ground(candidate, active | known):
             continue

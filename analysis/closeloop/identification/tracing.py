@@ -14,6 +14,7 @@ from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.arms.breakaway import with_breakaway
 from analysis.closeloop.identification.arms.explainable import explainable_by_joint
 from analysis.closeloop.identification.arms.holdouts import not_worse
+from analysis.closeloop.identification.arms.motors import untold_motors
 from analysis.closeloop.identification.arms.robot import completed, traced_robot, weighed
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
@@ -111,7 +112,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
                 explainable_after=explainable_by_joint(grown.model, rows)
                 if grown.steps
                 else beyond,
-                notes=(*held, *refusals, *unsure, *notes),
+                notes=(*held, *refusals, *unsure, *notes, *untold_motors(grown.model, rows)),
             )
         )
     )

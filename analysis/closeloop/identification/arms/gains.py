@@ -38,10 +38,7 @@ def with_gains(model: Model, rows: Rows) -> Model:
 
 
 def _keys(model: Model) -> set[tuple[str, int]]:
-    declared = model.recording.session.declared
-    joints = {model.recording.name(joint): joint for joint in model.recording.joints}
-    known = {(d.effect, joints[d.joint]) for d in declared if d.joint in joints}
-    return known | {candidate.key for candidate in model.effects}
+    return model.declared | {candidate.key for candidate in model.effects}
 
 
 def _instead(model: Model, rows: Rows, gone: list[Candidate], gain: Candidate) -> Model:

@@ -21,6 +21,8 @@ import numpy as np
 from analysis.closeloop.identification.arms.agreed import SHARED, nested_z, sure
 from analysis.closeloop.identification.arms.gains import alike, with_gains
 from analysis.closeloop.identification.arms.links import Links, links_of
+from analysis.closeloop.identification.arms.motors import with_other_joints
+from analysis.closeloop.identification.arms.plain_friction import with_plain_friction
 from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.arms.zeros import for_offsets, with_zeros
@@ -111,6 +113,7 @@ def _traced(
         progress(f"{name}: what else")
         model, steps = with_rare(model, rows, joint)
         found |= steps
+    model = with_other_joints(model, rows)
     if found:
         progress("all joints together")
         bare = with_ordinary(model.keeping(lambda c: c.effect.name not in SHARED), rows)
@@ -121,6 +124,7 @@ def _traced(
         gain, error = compare(evaluate(model, rows).losses, evaluate(again, rows).losses)
         if gain > error or (gain > -error and len(again.effects) < len(model.effects)):
             model = again
+    model = with_plain_friction(model, rows)
     score = evaluate(model, rows)
     return Grown(model, score, tuple(_steps(model, rows, score, found)))
 
@@ -157,7 +161,6 @@ def completed(grown: Grown, rows: Rows, before: Score) -> Grown:
 def with_ordinary(model: Model, rows: Rows) -> Model:
     """Add what every joint may have, as far as it is not declared or there."""
     recording = model.recording
-    declared = {(d.effect, d.joint) for d in recording.session.declared}
     there = {
         (name, candidate.joint)
         for candidate in model.effects
@@ -166,7 +169,7 @@ def with_ordinary(model: Model, rows: Rows) -> Model:
     for joint in rows.joints:
         for name in RESISTING if _only_resists(rows, joint) else ORDINARY:
             effect = BY_NAME[name]
-            if (name, recording.name(joint)) in declared or (name, joint) in there:
+            if (name, joint) in model.declared | there:
                 continue
             here = Candidate(effect=effect, joint=joint)
             # Beside declared friction less is found, too. Inertia that is taken away is what wrong

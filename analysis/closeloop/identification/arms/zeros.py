@@ -52,11 +52,10 @@ def for_offsets(model: Model, rows: Rows) -> Model:
 def _zeros(model: Model, rows: Rows) -> Iterator[tuple[Model, Score]]:
     """Yield the model with a wrong zero of each joint that has none yet."""
     recording = model.recording
-    declared = {(d.effect, d.joint) for d in recording.session.declared}
-    there = {candidate.key for candidate in model.effects}
+    there = model.declared | {candidate.key for candidate in model.effects}
     for joint in rows.joints:
         zero = Candidate(effect=ZERO, joint=joint)
-        if zero.key in there or (ZERO.name, recording.name(joint)) in declared:
+        if zero.key in there:
             continue
         found = tried_alone(model, rows, zero) if ZERO.applies(recording, joint) else None
         if found is not None:

@@ -109,6 +109,13 @@ class Model:
             found.append(self.given.candidate)
         return (*found, *(channel.candidate for channel in self.channels))
 
+    @property
+    def declared(self) -> set[tuple[str, int]]:
+        """Effects that the session declares, each with its joint."""
+        numbers = {name: number for number, name in enumerate(self.recording.device.joints)}
+        declared = self.recording.session.declared
+        return {(d.effect, numbers[d.joint]) for d in declared if d.joint in numbers}
+
     def transformed(self, columns: Columns) -> Columns:
         """Pass columns through every channel, known or found."""
         out = {}

@@ -1,0 +1,29 @@
+"""Plain friction in the place of a richer law that nothing needs any more.
+
+A richer law may have been taken for what the model lacked by then: for what another joint passes
+on, say. Beside all that was found since, Coulomb and viscous friction may predict as well.
+"""
+
+from analysis.closeloop.identification.balance.luck import predicts_as_well
+from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.candidates import tried_alone
+from sim.effects.catalogue import BY_NAME
+
+#: Coulomb friction last: beside damping it turns at once, and without over all speeds.
+PLAIN = (BY_NAME["viscous_friction"], BY_NAME["coulomb_friction"])
+
+
+def with_plain_friction(model: Model, rows: Rows) -> Model:
+    """Return the model with plain friction at every joint where it predicts as well."""
+    for candidate in [c for c in model.effects if PLAIN[-1].name in c.effect.includes]:
+        simpler = model.without(candidate)
+        there = {other.key for other in simpler.effects}
+        for effect in PLAIN:
+            plain = Candidate(effect=effect, joint=candidate.joint)
+            if plain.key not in there and plain.key not in model.declared:
+                found = tried_alone(simpler, rows, plain)
+                simpler = simpler if found is None else found[0]
+        if predicts_as_well(evaluate(simpler, rows), evaluate(model, rows)):
+            model = simpler
+    return model
