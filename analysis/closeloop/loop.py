@@ -14,7 +14,6 @@ import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
 from analysis.closeloop.identification.arms.skew import synchronised
-from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS
 from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.sticking import driven, samples_step
@@ -41,8 +40,8 @@ from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.units import doubtful_units
 
 #: Time that a joint moves by itself, s, before a fit says anything of it; or else it leaves its
-#: hold in some blocks of time, each for so long.
-MOVES, MOVES_OUT = 1.0, 0.2
+#: hold in so many blocks of time, each for so long, as where its motor perturbs a limb.
+MOVES, MOVES_OUT, PERTURBED = 1.0, 0.2, 12
 
 
 def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> Answer:
@@ -97,7 +96,7 @@ def _rests(recording: Recording) -> bool:
         period = samples_step(samples) / recording.rate
         seconds = np.bincount(rows.block[rows.parts[joint]]) * period
         by_itself = float(driven(recording, joint, samples).sum()) * period
-        if by_itself >= MOVES or int(np.sum(seconds >= MOVES_OUT)) >= LEAST_BLOCKS:
+        if by_itself >= MOVES or int(np.sum(seconds >= MOVES_OUT)) >= PERTURBED:
             return False
     return True
 

@@ -16,6 +16,7 @@ from scipy.optimize import nnls
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.runs import TRAVEL
 from analysis.closeloop.session.signals import rms
 
 #: Share of what is left under the declaration that a remedy may leave.
@@ -24,8 +25,6 @@ LEAVES = 0.5
 BALANCED = 0.8
 #: Share of an effort's variance below which what is left says nothing.
 LITTLE = 0.1
-#: Least travel, rad or m: what moves less hardly feels but what the joints beside it do.
-TRAVEL = 0.2
 #: Width of the step of friction, over the root mean square of the velocity.
 STEP = 0.05
 #: Standard gravity, m/s2.

@@ -7,7 +7,7 @@ import numpy as np
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.plausibility import LEAST_MOTION, in_motion, unknown_columns
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.runs import AWAY, MOVING
+from analysis.closeloop.session.runs import AWAY, MOVING, TRAVEL
 
 #: The others predict a turned trial worse than its own mean does, which leaves 1, and turned back
 #: they leave less than this share: a tenth is a poor model, and no effect nor posture comes near,
@@ -27,6 +27,8 @@ def check_signs(recording: Recording) -> None:
     for joint in recording.joints:
         rows = in_motion(recording, joint)
         if int(rows.sum()) < LEAST_MOTION * recording.rate or _moved_once(recording, rows):
+            continue
+        if np.ptp(recording.position[rows, joint]) < TRAVEL:
             continue
         # Without declared friction, which may be too high: its sign has its own unknown.
         effort, known = recording.effort[rows, joint], recording.rigid[rows, joint]

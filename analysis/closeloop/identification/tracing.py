@@ -15,7 +15,12 @@ from analysis.closeloop.identification.arms.breakaway import with_breakaway
 from analysis.closeloop.identification.arms.explainable import explainable_by_joint
 from analysis.closeloop.identification.arms.holdouts import not_worse
 from analysis.closeloop.identification.arms.motors import untold_motors
-from analysis.closeloop.identification.arms.robot import completed, traced_robot, weighed
+from analysis.closeloop.identification.arms.robot import (
+    completed,
+    plainly,
+    traced_robot,
+    weighed,
+)
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.identification.balance.model import Model, evaluate
@@ -70,7 +75,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     grown = regrown(grown, declared, rows, before, progress)
     grown = with_wound_laws(grown, rows)
     if grown.steps and not limbs:
-        grown = completed(grown, rows, before)
+        grown = plainly(completed(grown, rows, before), rows)
     grown, held = (grown, ()) if limbs else with_breakaway(grown, rows)
     grown, refusals = held_in_octaves(grown, rows)
     grown, unsure = determined(grown, rows)

@@ -103,7 +103,8 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
     for joint in range(recording.effort.shape[1]):
         known = expected.get(joint)
         abrupt = 0.0 if known is None else ABRUPT * upper_octave(recording, joint)
-        found += rest_events(recording, joint, friction.get(joint, 0.0), known, abrupt)
+        beside = bool(expected.keys() - {joint})
+        found += rest_events(recording, joint, friction.get(joint, 0.0), known, abrupt, beside)
         if not expected:
             # Where another joint moves, its reaction takes this one along.
             found += away_events(recording, joint)

@@ -48,6 +48,7 @@ def rest_events(
     friction: float,
     expected: np.ndarray | None,
     abrupt: np.ndarray | float,
+    beside: bool,
 ) -> Iterator[Event]:
     """Yield what stands out of a resting joint's own course.
 
@@ -58,22 +59,25 @@ def rest_events(
         expected: its effort as a model fitted to its motion has it, low-passed, (n,); None if it
             hardly moves by itself. What that explains is no event.
         abrupt: torque near each sample of which filters are wrong, Nm or N, (n,).
+        beside: whether other joints move by themselves.
     """
     courses = []
-    # What another joint's motion does at this one is no push, nor is what its own takes.
-    explained = [_needed(recording, joint)]
-    if expected is not None:
-        explained.append(expected)
+    needed = _needed(recording, joint)
     still = recording.still or joint not in recording.joints
     for samples in _rests(recording, joint, still):
         effort = recording.effort[samples, joint]
         if len(samples) < recording.rate or np.isnan(effort).any():
             continue
-        beyond = _beyond(recording, effort - recording.static[samples, joint])
-        for torque in explained:
-            left = _beyond(recording, effort - torque[samples])
-            beyond = np.where(np.abs(left) < np.abs(beyond), left, beyond)
-        courses.append((samples, beyond))
+        left = [
+            _beyond(recording, effort - torque[samples])
+            for torque in (recording.static[:, joint], needed, expected)
+            if torque is not None
+        ]
+        # What another joint's motion does at this one is no push, nor is what its own takes.
+        nearest = np.min(np.abs(left), axis=0)
+        # Of the first friction may take any part.
+        between = beside & (left[0] * left[1] < 0.0)
+        courses.append((samples, np.where(between, 0.0, np.sign(left[0]) * nearest), nearest))
     if not courses:
         return
     sampling = recording.sampling
@@ -84,23 +88,29 @@ def rest_events(
         int(trial): _noise(recording.raw_effort(trial, joint), min(1.0, share))
         for trial in np.unique(recording.trial)
     }
-    usual = quiet_spread(np.concatenate([beyond for _, beyond in courses]))
-    if usual <= 0.0:
-        return
-    taken = np.abs(explained[-1] - recording.static[:, joint])
-    taken = maximum_filter1d(taken, int(AROUND * recording.rate) | 1)
-    excused = np.maximum(abrupt, OF_MOTION * taken)
-    for samples, beyond in courses:
+    # Of a course that only falls or rises nothing stands out, and this is nothing.
+    usual_anywhere = quiet_spread(np.concatenate([nearest for _, _, nearest in courses]))
+    taken = np.abs((needed if expected is None else expected) - recording.static[:, joint])
+    excused = np.maximum(abrupt, OF_MOTION * _around(recording, taken, AROUND))
+    if beside and expected is None:
+        # Its friction is unknown, and keeps for a while what another joint's motion left there.
+        excused = np.maximum(excused, _around(recording, taken, COURSE))
+    for samples, beyond, nearest in courses:
+        usual = max(usual_anywhere, quiet_spread(nearest))
         own = OVER_NOISE * noise[int(recording.trial[samples[0]])]
-        least = max(PEAK * usual, STICTION * friction, own)
-        least = max(least, ROUNDING * float(np.abs(recording.effort[samples, joint]).max()))
+        own = max(own, ROUNDING * float(np.abs(recording.effort[samples, joint]).max()))
+        least = max(PEAK * usual, own)
         away = recording.position[samples, joint]
         away = away - np.median(away)
         for run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
             top = run.start + int(np.argmax(np.abs(beyond[run])))
-            enough = abs(beyond[top]) > max(least, excused[samples[top]])
             speed = recording.velocity[samples[run], joint]
-            if not enough or _driven(away[run], speed, beyond[run]):
+            if _driven(away[run], speed, beyond[run]):
+                continue
+            # Friction may be all of it where the joint rests; against its motor it moves nothing.
+            sticks = np.ptp(away[run]) <= MOVING
+            rubbing = (STICTION if sticks else 1.0) * friction
+            if abs(beyond[top]) <= max(least, rubbing, excused[samples[top]]):
                 continue
             yield Event(
                 trial=int(recording.trial[samples[top]]),
@@ -217,6 +227,13 @@ def _driven(away: np.ndarray, velocity: np.ndarray, beyond: np.ndarray) -> bool:
     if np.abs(away).max() <= MOVING:
         return False
     return bool(away @ beyond > 0.0) or _rubs(velocity, beyond)
+
+
+def _around(recording: Recording, torque: np.ndarray, seconds: float) -> np.ndarray:
+    """Return the largest torque within some seconds around each sample, piece by piece, (n,)."""
+    width = int(seconds * recording.rate) | 1
+    pieces = [maximum_filter1d(torque[piece], width) for piece in recording.slices]
+    return np.concatenate(pieces)
 
 
 def _needed(recording: Recording, joint: int) -> np.ndarray:

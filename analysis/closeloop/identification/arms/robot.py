@@ -124,9 +124,7 @@ def _traced(
         gain, error = compare(evaluate(model, rows).losses, evaluate(again, rows).losses)
         if gain > error or (gain > -error and len(again.effects) < len(model.effects)):
             model = again
-    model = with_plain_friction(model, rows)
-    score = evaluate(model, rows)
-    return Grown(model, score, tuple(_steps(model, rows, score, found)))
+    return _grown(with_plain_friction(model, rows), rows, found)
 
 
 def weighed(declared: Model, rows: Rows) -> Rows:
@@ -156,6 +154,13 @@ def completed(grown: Grown, rows: Rows, before: Score) -> Grown:
         if len(more.steps) <= len(grown.steps):
             return grown
         grown = more
+
+
+def plainly(grown: Grown, rows: Rows) -> Grown:
+    """Return what was found with plain friction where nothing shows a richer one."""
+    model = with_plain_friction(grown.model, rows)
+    same = model is grown.model
+    return grown if same else _grown(model, rows, {step.key: step for step in grown.steps})
 
 
 def with_ordinary(model: Model, rows: Rows) -> Model:
@@ -321,6 +326,11 @@ def _sharpened(model: Model, rows: Rows) -> Model:
 
 def _step(taken: Option, before: float) -> Step:
     return Step(taken=taken, equals=(), options=(), before=before)
+
+
+def _grown(model: Model, rows: Rows, rare: Mapping[tuple[str, int], Step]) -> Grown:
+    score = evaluate(model, rows)
+    return Grown(model, score, tuple(_steps(model, rows, score, rare)))
 
 
 def _steps(

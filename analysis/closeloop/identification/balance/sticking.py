@@ -76,24 +76,29 @@ def sticking(recording: Recording, joint: int) -> np.ndarray:
 def friction_of(model: Model, rows: Rows, joint: int) -> float:
     """Return half of the step that a joint's torque makes where it turns, Nm or N.
 
-    Zero where it hardly moves by itself: what pushes a held joint to and fro is no friction.
+    At least what the model says of its friction. Of a joint that hardly moves by itself nothing
+    more: what pushes a held joint to and fro is no friction.
     """
     recording = rows.recording
     samples = rows.samples[joint]
     coefficients = evaluate(model, rows).coefficients
     rigid = recording.filtered(recording.rigid[:, [joint]])[samples, 0]
-    rubbing = recording.effort[samples, joint] - rigid
+    rubbing, fitted = recording.effort[samples, joint] - rigid, np.zeros(len(samples))
     for term, own in model.split(coefficients):
-        if not term.rubs and joint in term.columns:
-            rubbing = rubbing - recording.filtered(kept_columns(term)[joint])[samples] @ own
+        if joint in term.columns:
+            torque = recording.filtered(kept_columns(term)[joint])[samples] @ own
+            rubbing, fitted = (
+                (rubbing, fitted + torque) if term.rubs else (rubbing - torque, fitted)
+            )
+    known = float(np.median(np.abs(fitted)))
     slow = np.abs(recording.velocity[samples, joint]) < 0.25 * recording.top_speed[joint]
     slow &= driven(recording, joint, samples)
     sides = [
         rubbing[slow & (sign * recording.velocity[samples, joint] > 0)] for sign in (1.0, -1.0)
     ]
     if min(len(side) for side in sides) * samples_step(samples) < MOVED * recording.rate:
-        return 0.0
-    return 0.5 * abs(float(np.median(sides[0]) - np.median(sides[1])))
+        return known
+    return max(known, 0.5 * abs(float(np.median(sides[0]) - np.median(sides[1]))))
 
 
 def driven(recording: Recording, joint: int, samples: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.events import find_events, spared
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.runs import holds
 from analysis.closeloop.session.signals import last_digit
 from analysis.closeloop.signs import check_signs
 from tests.testbed.sessions.moved import moved
@@ -230,11 +231,15 @@ def shoved(begin: float) -> np.ndarray:
 def test_a_push_to_where_friction_holds_the_joint_is_no_flipped_sign(recording: Recording) -> None:
     """It comes back by a third of its way only, and its motor works against it all the time."""
     still = np.zeros(len(TIME))
-    once = holding(recording, 0.03 * shoved(12.1), still, sag=0.0)
+    once = holding(recording, 0.3 * shoved(12.1), still, sag=0.0)
     check_signs(with_effort(once, -9.0 * shoved(12.0)))
-    there_and_back = holding(recording, 0.03 * (shoved(12.1) - shoved(15.1)), still, sag=0.0)
+    to_and_fro, both = shoved(12.1) - shoved(15.1), shoved(12.0) - shoved(15.0)
+    there_and_back = holding(recording, 0.3 * to_and_fro, still, sag=0.0)
     with pytest.raises(SessionError, match="opposite sign"):
-        check_signs(with_effort(there_and_back, -9.0 * (shoved(12.0) - shoved(15.0))))
+        check_signs(with_effort(there_and_back, -9.0 * both))
+    # Of so little motion nothing is asked: somebody may push it to and fro.
+    pushed = holding(recording, 0.03 * to_and_fro, still, sag=0.0)
+    check_signs(with_effort(pushed, -9.0 * both))
 
 
 def test_what_a_joint_s_motion_makes_of_its_effort_hides_no_push_of_its_rest(
@@ -266,3 +271,48 @@ def test_an_effort_that_never_changes_holds_no_event(recording: Recording) -> No
     held = holding(recording, np.zeros(len(TIME)), np.zeros(len(TIME)), sag=0.0)
     effort = held.static[:, 1] + 1e-15 * np.random.default_rng(7).standard_normal(len(TIME)) ** 9
     assert find_events(Model(held), replace(with_effort(held, effort), still=True)) == ()
+
+
+@pytest.mark.parametrize("part", [0.5, 1.0])
+def test_of_what_another_joint_s_motion_does_friction_may_take_any_part_and_keep_it(
+    recording: Recording, part: float
+) -> None:
+    """The elbow sticks, and its motor only answers for what its friction does not hold."""
+    still = np.zeros(len(TIME))
+    held = holding(recording, still, still, sag=0.0)
+    swing = 0.6 * np.sin(2 * np.pi * 1.2 * TIME) * np.clip(TIME / 3.0, 0.0, 1.0)
+    both = moved(held, np.column_stack([swing, held.position[:, 1]]), RATE)
+    reaction = both.rigid[:, 1] - both.static[:, 1]
+    noise = NOISE * np.random.default_rng(5).standard_normal((len(TIME), 2))
+    effort = both.rigid + noise
+    # For a second friction keeps a torque that was needed before.
+    answer = np.where(np.abs(TIME - 12.0) < 0.5, 0.8 * np.abs(reaction).max(), part * reaction)
+    effort[:, 1] = both.static[:, 1] + answer + noise[:, 1]
+    both = replace(both, joints=(0,), effort=both.filtered(effort), cache={})
+    assert 0.8 * np.abs(reaction).max() > 7.0 * NOISE
+    assert not [event for event in find_events(Model(both), both) if event.joint == 1]
+
+
+def test_a_push_in_a_course_that_only_rises_is_found(recording: Recording) -> None:
+    """Every sample of such a course is its own median, so nothing is usual there."""
+    creep = np.linspace(0.0, 0.5, len(TIME)) ** 2
+    held = holding(recording, np.zeros(len(TIME)), creep, sag=0.0)
+    smooth = held.static[:, 1] + creep - 0.8 * bump(12.0, 0.8)
+    (event,) = find_events(Model(held), with_effort(held, smooth))
+    assert 11.9 < event.begin < 12.3 < 12.5 < event.end < 12.9
+
+
+@pytest.mark.parametrize(
+    ("kept", "others"), [(0.4, 1.0), (0.4, 0.0), (0.7, 1.0)], ids=["moves", "rests", "stays"]
+)
+def test_a_hold_goes_on_after_a_push_of_which_friction_keeps_less_than_half(
+    kept: float, others: float
+) -> None:
+    """Of a joint that its motor moves further, or that rests most of the time."""
+    rising, falling = (np.clip((TIME - t) / 0.3, 0.0, 1.0) for t in (6.0, 6.5))
+    position = 0.05 * (rising - (1.0 - kept) * falling)
+    position += others * 0.8 * np.sin(2.0 * (TIME - 10.0)) * (TIME > 10.0)
+    resting = np.abs(np.gradient(position, TIME)) < 1e-3
+    first = holds(position, resting, RATE)[0]
+    together = first.stop > 8.0 * RATE
+    assert together == (kept < 0.5)

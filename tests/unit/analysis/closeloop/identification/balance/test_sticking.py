@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.model import Model, Term, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.sticking import friction_of, sliding, sticking
 from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import ELBOW
 
@@ -36,6 +37,18 @@ def test_friction_is_half_of_the_step_where_a_joint_turns(recording: Recording) 
     slow = rubbing(recording)
     rows = select_rows(slow, slow.fit_trials)
     assert friction_of(Model(slow), rows, ELBOW) == pytest.approx(FRICTION, rel=0.1)
+
+
+def test_friction_is_at_least_what_the_model_says_of_it(recording: Recording) -> None:
+    """The step where a joint turns is smoothed away or short, and what was found is known."""
+    quick = rubbing(recording, cycles_hz=1.5)
+    rows = select_rows(quick, quick.fit_trials)
+    assert friction_of(Model(quick), rows, ELBOW) < 0.5 * FRICTION
+    coulomb, joint = BY_NAME["coulomb_friction"], unfitted(quick, ELBOW)
+    columns = coulomb.columns(joint, {"smooth": 0.02})
+    term = Term(effect=coulomb, joint=ELBOW, columns=columns, theta={"smooth": 0.02}, kept=(0,))
+    found = friction_of(Model(quick, terms=(term,)), rows, ELBOW)
+    assert found == pytest.approx(FRICTION, rel=0.1)
 
 
 def test_a_reversal_is_felt_as_long_as_the_low_pass_rings(recording: Recording) -> None:
