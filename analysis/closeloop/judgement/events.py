@@ -35,6 +35,7 @@ from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import with_free_presliding
 from analysis.closeloop.judgement.holds import (
     AROUND,
+    SHORTEST,
     STICTION,
     away_events,
     rest_events,
@@ -52,8 +53,8 @@ SCALES = (0.0, 0.2, 0.6)
 TELLS = 6.0
 #: Rows of a joint in motion, below which nothing is said of it.
 LEAST_ROWS = 50
-#: Shortest event, s, and how many a second of motion are no events but a form that is wrong.
-SHORTEST, OFTEN = 0.08, 0.15
+#: How many events a second of motion are none but a form that is wrong.
+OFTEN = 0.15
 #: What takes a larger share of the time than this is not local.
 LOCAL = 0.25
 #: An event's peak over what the fit's upper octave holds of the torque that the motion needs: where
@@ -293,7 +294,7 @@ def _lasting(beyond: np.ndarray, size: np.ndarray) -> np.ndarray:
     if clear[np.argmax(size)]:
         return clear
     both = clear[1:] & clear[:-1]
-    return np.append(both, False) | np.append(False, both)
+    return np.asarray(np.append(both, False) | np.append(False, both))
 
 
 def _averaged(signal: np.ndarray, pieces: Sequence[np.ndarray], width: int) -> np.ndarray:

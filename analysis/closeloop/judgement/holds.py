@@ -14,6 +14,8 @@ from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import AWAY, MOVING, runs
 from analysis.closeloop.session.signals import last_digit
 
+#: Shortest event, s.
+SHORTEST = 0.08
 #: An event's flanks and its peak, over the spread of a course: stiction creeps.
 FLANK, PEAK = 2.5, 8.0
 #: ... its peak over the Coulomb friction that the joint's motion shows.
@@ -103,6 +105,8 @@ def rest_events(
         away = recording.position[samples, joint]
         away = away - np.median(away)
         for run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
+            if (run.stop - run.start) / recording.rate <= SHORTEST:
+                continue
             top = run.start + int(np.argmax(np.abs(beyond[run])))
             speed = recording.velocity[samples[run], joint]
             if _driven(away[run], speed, beyond[run]):
