@@ -37,10 +37,11 @@ from analysis.closeloop.report.plain import finite
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.report.still import still_answer
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.runs import TRAVEL
 from analysis.closeloop.units import doubtful_units
 
-#: Time that a joint moves by itself, s, before a fit says anything of it; or else it leaves its
-#: hold in so many blocks of time, each for so long, as where its motor perturbs a limb.
+#: Time that a joint moves by itself, s, before a fit says anything of it, unless it goes far; or
+#: else it leaves its hold for so long, s, in so many blocks of time: its motor perturbs a limb.
 MOVES, MOVES_OUT, PERTURBED = 1.0, 0.2, 12
 
 
@@ -94,9 +95,13 @@ def _rests(recording: Recording) -> bool:
     for joint in rows.joints:
         samples = rows.samples[joint]
         period = samples_step(samples) / recording.rate
+        own = samples[driven(recording, joint, samples)]
+        if len(own) * period >= MOVES:
+            return False
+        if len(own) and np.ptp(recording.position[own, joint]) >= TRAVEL:
+            return False
         seconds = np.bincount(rows.block[rows.parts[joint]]) * period
-        by_itself = float(driven(recording, joint, samples).sum()) * period
-        if by_itself >= MOVES or int(np.sum(seconds >= MOVES_OUT)) >= PERTURBED:
+        if int(np.sum(seconds >= MOVES_OUT)) >= PERTURBED:
             return False
     return True
 

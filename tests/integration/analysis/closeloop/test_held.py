@@ -53,3 +53,26 @@ def test_a_push_of_what_a_coarse_encoder_sees_is_told_and_nothing_is_fitted(
     assert event["file"] == "t0.csv" and 1.9 < event["from"] < 2.5 < event["to"] < 3.0
     assert report["impedance"] == {}
     assert any("no joint moves long enough" in line for line in report["warnings"])
+
+
+def test_a_movement_of_less_than_a_second_that_goes_far_is_fitted(tmp_path: Path) -> None:
+    """As the 0.6 s of a Kinova Gen3 that its joints' torque sensors recorded."""
+    rng, trials = np.random.default_rng(4), []
+    for number in range(2):
+        time = 2.0 * number + np.arange(80) / RATE
+        position = 0.75 * (1.0 - np.cos(np.pi * (time - time[0]) / 0.8))
+        velocity = np.gradient(position, 1 / RATE)
+        effort = 0.5 * np.gradient(velocity, 1 / RATE) + 0.05 * rng.standard_normal(80)
+        header, name = "time,elbow.position,elbow.effort", f"t{number}.csv"
+        table = np.column_stack([time, position, effort])
+        np.savetxt(tmp_path / name, table, delimiter=",", header=header, comments="", fmt="%.9g")
+        trials.append({"file": name, "role": "holdout" if number else "fit"})
+    (tmp_path / "device.xml").write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="elbow" axis="0 1 0"/>'
+        '<inertial mass="1" pos="0 0 0" diaginertia=".5 .5 .5"/></body></worldbody></mujoco>'
+    )
+    content = {"schema": 1, "model": "device.xml", "trials": trials}
+    (tmp_path / "session.json").write_text(json.dumps(content))
+    report = close_loop(tmp_path, tmp_path / "out")
+    assert not any("no joint moves long enough" in line for line in report["warnings"])
+    assert report["verdict"] != "unexplained"
