@@ -91,9 +91,10 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
         rows = select_rows(recording, tuple(range(len(recording.session.trials))))
         for joint in recording.joints:
             samples = rows.samples[joint]
+            if len(samples):
+                friction[joint] = friction_of(model, rows, joint)
             if len(samples) < LEAST_ROWS:
                 continue
-            friction[joint] = friction_of(model, rows, joint)
             own = _joined(_moving(model, rows, joint, friction[joint]))
             own = [event for event in own if event.end - event.begin > SHORTEST]
             seconds = len(samples) * samples_step(samples) / recording.rate

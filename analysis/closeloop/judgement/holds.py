@@ -4,6 +4,7 @@ Friction at rest has any value, so a joint is compared with the course of its ow
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
@@ -11,7 +12,7 @@ from scipy.stats import norm
 
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.runs import AWAY, MOVING, runs
+from analysis.closeloop.session.runs import AWAY, MOVING, SHORT, runs
 from analysis.closeloop.session.signals import last_digit
 
 #: Shortest event, s.
@@ -63,23 +64,8 @@ def rest_events(
         abrupt: torque near each sample of which filters are wrong, Nm or N, (n,).
         beside: whether other joints move by themselves.
     """
-    courses = []
-    needed = _needed(recording, joint)
     still = recording.still or joint not in recording.joints
-    for samples in _rests(recording, joint, still):
-        effort = recording.effort[samples, joint]
-        if len(samples) < recording.rate or np.isnan(effort).any():
-            continue
-        left = [
-            _beyond(recording, effort - torque[samples])
-            for torque in (recording.static[:, joint], needed, expected)
-            if torque is not None
-        ]
-        # What another joint's motion does at this one is no push, nor is what its own takes.
-        nearest = np.min(np.abs(left), axis=0)
-        # Of the first friction may take any part.
-        between = beside & (left[0] * left[1] < 0.0)
-        courses.append((samples, np.where(between, 0.0, np.sign(left[0]) * nearest), nearest))
+    courses = list(_courses(recording, joint, expected, still=still, beside=beside))
     if not courses:
         return
     sampling = recording.sampling
@@ -91,29 +77,27 @@ def rest_events(
         for trial in np.unique(recording.trial)
     }
     # Of a course that only falls or rises nothing stands out, and this is nothing.
-    usual_anywhere = quiet_spread(np.concatenate([nearest for _, _, nearest in courses]))
-    taken = np.abs((needed if expected is None else expected) - recording.static[:, joint])
-    excused = np.maximum(abrupt, OF_MOTION * _around(recording, taken, AROUND))
-    if beside and expected is None:
-        # Its friction is unknown, and keeps for a while what another joint's motion left there.
-        excused = np.maximum(excused, _around(recording, taken, COURSE))
-    for samples, beyond, nearest in courses:
-        usual = max(usual_anywhere, quiet_spread(nearest))
-        own = OVER_NOISE * noise[int(recording.trial[samples[0]])]
-        own = max(own, ROUNDING * float(np.abs(recording.effort[samples, joint]).max()))
+    usual_anywhere = quiet_spread(np.concatenate([course.nearest for course in courses]))
+    excused = np.maximum(abrupt, _answered(recording, joint, expected, beside=beside))
+    travel = float(np.ptp(recording.position[:, joint]))
+    for course in courses:
+        samples, beyond = course.samples, course.beyond
+        usual = max(usual_anywhere, quiet_spread(course.nearest))
+        rounding = ROUNDING * float(np.abs(recording.effort[samples, joint]).max())
+        own = max(OVER_NOISE * noise[int(recording.trial[samples[0]])], rounding)
         least = max(PEAK * usual, own)
         away = recording.position[samples, joint]
         away = away - np.median(away)
         for run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
-            if (run.stop - run.start) / recording.rate <= SHORTEST:
-                continue
-            top = run.start + int(np.argmax(np.abs(beyond[run])))
             speed = recording.velocity[samples[run], joint]
-            if _driven(away[run], speed, beyond[run]):
+            short = (run.stop - run.start) / recording.rate <= SHORTEST
+            if short or _driven(away[run], speed, beyond[run]):
                 continue
-            # Friction may be all of it where the joint rests; against its motor it moves nothing.
-            sticks = np.ptp(away[run]) <= MOVING
-            rubbing = (STICTION if sticks else 1.0) * friction
+            # Friction may be all of it where the joint rests; a little way against its motor it
+            # moves nothing.
+            pushed = MOVING < np.ptp(away[run]) < SHORT * travel
+            rubbing = (1.0 if pushed else STICTION) * friction
+            top = run.start + int(np.argmax(np.abs(beyond[run])))
             if abs(beyond[top]) <= max(least, rubbing, excused[samples[top]]):
                 continue
             yield Event(
@@ -123,6 +107,57 @@ def rest_events(
                 end=float(recording.time[samples[run.stop - 1]]),
                 peak=float(beyond[top]),
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Course:
+    """A rest's effort beside its own course, Nm or N; arrays (n,)."""
+
+    samples: np.ndarray
+    #: What no torque explains that is known.
+    beyond: np.ndarray
+    #: The size of what the nearest of these torques leaves.
+    nearest: np.ndarray
+
+
+def _courses(
+    recording: Recording, joint: int, expected: np.ndarray | None, *, still: bool, beside: bool
+) -> Iterator[_Course]:
+    """Yield the rests of a joint that last a second; arguments as of `rest_events`.
+
+    What another joint's motion does at this one is no push, nor is what its own takes. Of the first
+    friction may take any part.
+    """
+    needed = _needed(recording, joint)
+    for samples in _rests(recording, joint, still):
+        effort = recording.effort[samples, joint]
+        if len(samples) < recording.rate or np.isnan(effort).any():
+            continue
+        left = [
+            _beyond(recording, effort - torque[samples])
+            for torque in (recording.static[:, joint], needed, expected)
+            if torque is not None
+        ]
+        nearest = np.min(np.abs(left), axis=0)
+        between = beside & (left[0] * left[1] < 0.0)
+        beyond = np.where(between, 0.0, np.sign(left[0]) * nearest)
+        yield _Course(samples=samples, beyond=beyond, nearest=nearest)
+
+
+def _answered(
+    recording: Recording, joint: int, expected: np.ndarray | None, *, beside: bool
+) -> np.ndarray:
+    """Return torque that a motion near each sample may leave, Nm or N, (n,).
+
+    A share of what it takes. Where another joint's motion is felt by one whose friction is unknown,
+    that keeps for a while what the motion left there: all of it.
+    """
+    known = _needed(recording, joint) if expected is None else expected
+    taken = np.abs(known - recording.static[:, joint])
+    found = OF_MOTION * _around(recording, taken, AROUND)
+    if beside and expected is None:
+        found = np.maximum(found, _around(recording, taken, COURSE))
+    return found
 
 
 def away_events(recording: Recording, joint: int) -> Iterator[Event]:

@@ -13,9 +13,9 @@ RESTING_SHARE = 0.1
 REST = 0.05
 #: A joint that is pushed out of a hold is back within this time, s, but for this share of its way.
 AWAY, BACK = 3.0, 0.2
-#: Of a way that is short beside what its motor moves it, or of a joint that rests half of the time,
-#: friction may keep half: as much as it is of what is left of a push of three times its size.
-SHORT, HALF, KEPT = 0.1, 0.5, 0.5
+#: Of a way that is short beside what its motor moves it, or of a joint that goes nowhere, friction
+#: may keep half: as much as it is of what is left of a push of three times its size.
+SHORT, KEPT = 0.1, 0.5
 #: Least travel of a moving joint, rad or m: above what an encoder's last digits do.
 MOVING = 5e-3
 #: Least travel of a joint whose signs are judged, rad or m: what moves less may only be pushed
@@ -84,7 +84,8 @@ def holds(position: np.ndarray, resting: np.ndarray, rate: float) -> list[slice]
         rate: samples per second.
     """
     found: list[tuple[slice, int, float]] = []
-    travel = np.inf if resting.mean() > HALF else float(np.ptp(position))
+    travel = float(np.ptp(position))
+    travel = travel if travel >= TRAVEL else np.inf
     for run in runs(resting):
         length, place = run.stop - run.start, float(np.median(position[run]))
         # It may rest on the way, where the push is strongest.
