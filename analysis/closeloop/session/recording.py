@@ -20,7 +20,7 @@ from analysis.closeloop.session.signals import (
     before_lag,
     digit_speed,
     lagged,
-    last_digit,
+    least_digit,
     lowpass,
     shifted,
     slope,
@@ -244,7 +244,7 @@ class Recording:
         """Return what rounding leaves of a joint's position, rad or m; 0 if it shows no steps."""
         raw = [self.raw_position(trial, joint) for trial in range(len(self.session.trials))]
         known = [signal for signal in raw if signal is not None]
-        return last_digit(np.concatenate(known)) if known else 0.0
+        return least_digit(np.concatenate(known)) if known else 0.0
 
     def resting(self, joint: int, piece: slice) -> np.ndarray:
         """Return where the joint stays below its rest speed for longer than a reversal takes."""

@@ -28,6 +28,8 @@ ENDS, ENDS_ORDER = 1.5, 4
 REST_SHARE = 0.01
 #: ... or below this many times the speed that its encoder's last digit makes of rest.
 FLICKERS = 3.0
+#: Steps that are less than this share of the others are arithmetic.
+ROUNDED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,14 @@ def last_digit(signal: np.ndarray) -> float:
     if len(levels) < 2 or len(levels) > 0.2 * len(signal):
         return 0.0
     return float(np.median(np.diff(levels)) / np.sqrt(12.0))
+
+
+def least_digit(signal: np.ndarray) -> float:
+    """Return the same by the least step: a smooth motion comes back to places further apart."""
+    if last_digit(signal) == 0.0:
+        return 0.0
+    steps = np.diff(np.unique(signal))
+    return float(steps[steps > ROUNDED * np.median(steps)].min() / np.sqrt(12.0))
 
 
 def digit_speed(digit: float, sampling: Sampling) -> float:
