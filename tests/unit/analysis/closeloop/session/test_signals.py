@@ -10,6 +10,8 @@ from analysis.closeloop.session.signals import (
     derivatives,
     digit_speed,
     lagged,
+    last_digit,
+    least_digit,
     sampling_at,
     shifted,
     slope,
@@ -73,3 +75,11 @@ def test_an_encoder_that_flickers_leaves_a_joint_at_rest(recording: Recording) -
     least = 3.0 * digit_speed(1.5e-3 / np.sqrt(12.0), recording.sampling)
     assert seen.rest_speed[1] == pytest.approx(least)
     assert seen.rest_speed[0] == pytest.approx(0.01 * seen.top_speed[0])
+
+
+def test_a_smooth_motion_that_comes_back_shows_next_to_no_step() -> None:
+    """Its places look like steps: a tenth of as many as there are samples."""
+    swing = np.tile(np.sin(2 * np.pi * np.arange(200) / 200.0), 20)
+    assert least_digit(swing) < 0.2 * last_digit(swing)
+    rounded = 1.5e-3 * np.round(swing / 1.5e-3)
+    assert least_digit(rounded) == pytest.approx(1.5e-3 / np.sqrt(12.0), rel=1e-3)
