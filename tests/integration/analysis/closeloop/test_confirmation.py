@@ -2,13 +2,14 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
 from analysis.closeloop.load import load_session
-from analysis.closeloop.report.confirmation import confirm, simulate
+from analysis.closeloop.report.confirmation import NEAR, confirm, simulate, unconfirmed
 from analysis.closeloop.session.contents import AddedMass
 from analysis.closeloop.session.device import Device
 from sim.effects.catalogue import BY_NAME
@@ -98,6 +99,37 @@ def test_a_trial_is_simulated_with_what_it_carries(tmp_path: Path, named: bool) 
     # A load that no trial names is none of the declared model's: it hangs there before and after.
     assert (entry["feedback_after"] < 0.1 * entry["feedback_before"]) is named
     assert simulation["joints"]["elbow"]["open_loop"]["after"] < 0.02
+
+
+#: A light link whose motor's inertia nobody declared, fifty times its own.
+LIGHT = LINK.replace(
+    'mass="1.4" diaginertia="0.003 0.01 0.01"', 'mass="0.02" diaginertia="1e-5 1e-5 1e-5"'
+)
+
+
+@pytest.mark.parametrize(("armature", "hertz"), [(0.0, 2.0), (0.004, 4.0)])
+def test_a_right_repair_of_a_light_link_is_confirmed_near_its_path(
+    tmp_path: Path, armature: float, hertz: float
+) -> None:
+    """At 2 Hz what is left of the motor's torque throws the link far off, friction or none."""
+    time = np.arange(0.0, 4.0, 0.005)
+    angle, velocity = 0.4 * np.sin(5.0 * time), 2.0 * np.cos(5.0 * time)
+    motion = (each[:, None] for each in (angle, velocity, -25.0 * angle))
+    needed = Device(mujoco.MjSpec.from_string(LIGHT), ()).inverse_dynamics(*motion)[:, 0]
+    effort = needed + 0.3 * np.tanh(velocity / 0.02) - 25.0 * armature * angle
+    table = np.column_stack([time, angle, effort])
+    header = "time,elbow.position,elbow.effort"
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
+    (tmp_path / "device.xml").write_text(LIGHT)
+    session = {"schema": 1, "model": "device.xml", "trials": [{"file": "a.csv"}]}
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    repaired = LIGHT.replace('name="elbow"', 'name="elbow" frictionloss="0.3"')
+    report: dict[str, Any] = {"impedance": {}, "declared": [], "unnamed_loads": []}
+    confirmation, _ = confirm(load_session(tmp_path), report, repaired)
+    (entry,) = confirmation["joints"].values()
+    assert confirmation["bandwidth_hz"] == pytest.approx(hertz)
+    assert entry["deviation_after"] < NEAR
+    assert unconfirmed(confirmation) == []
 
 
 def test_a_drift_is_simulated_by_the_session_s_clock(tmp_path: Path) -> None:
