@@ -8,6 +8,7 @@ from analysis.closeloop.identification.arms.robot import traced_robot, weighed
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Step
+from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.rich import swung
 
@@ -31,6 +32,29 @@ def moving() -> Recording:
         position=plain.position + 0.1 * np.sin(angle),
         velocity=plain.velocity + 0.1 * w * np.cos(angle),
         acceleration=plain.acceleration - 0.1 * w**2 * np.sin(angle),
+        cache={},
+    )
+
+
+def in_trials(moves: np.ndarray) -> Recording:
+    """Return the robot in trials of equal length, a group each.
+
+    Args:
+        moves: whether each joint moves in each trial, (trials, joints).
+    """
+    whole = moving()
+    trial = np.arange(len(whole.time)) * len(moves) // len(whole.time)
+    names = [f"t{number}.csv" for number in range(len(moves))]
+    trials = tuple(Trial(file=name, label=name, group=name, role="fit") for name in names)
+    return replace(
+        whole,
+        session=replace(whole.session, trials=trials),
+        slices=[slice(*np.flatnonzero(trial == n)[[0, -1]] + [0, 1]) for n in range(len(moves))],
+        trial=trial,
+        position=np.where(moves[trial], whole.position, 0.3),
+        velocity=whole.velocity * moves[trial],
+        acceleration=whole.acceleration * moves[trial],
+        fit_trials=tuple(range(len(moves))),
         cache={},
     )
 

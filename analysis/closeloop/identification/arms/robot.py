@@ -18,13 +18,19 @@ from functools import partial
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.agreed import SHARED, nested_z, sure
+from analysis.closeloop.identification.arms.agreed import (
+    FRICTION,
+    SHARED,
+    missed,
+    missed_elsewhere,
+    sure,
+)
 from analysis.closeloop.identification.arms.gains import alike, with_gains
 from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.motors import with_other_joints
 from analysis.closeloop.identification.arms.plain_friction import with_plain_friction
 from analysis.closeloop.identification.arms.shared import with_links, with_share
-from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
+from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.arms.zeros import for_offsets, with_zeros
 from analysis.closeloop.identification.balance.declared import (
     declared_again,
@@ -32,10 +38,7 @@ from analysis.closeloop.identification.balance.declared import (
     placed,
 )
 from analysis.closeloop.identification.balance.luck import (
-    MIN_GAIN,
     MIN_LATER_GAIN,
-    MIN_Z,
-    least_gain,
 )
 from analysis.closeloop.identification.balance.model import (
     Candidate,
@@ -60,9 +63,9 @@ from analysis.closeloop.identification.presliding import only_presliding
 from sim.effects.catalogue import BY_NAME
 
 #: What every joint of a robot may have.
-ORDINARY = ("torque_offset", "viscous_friction", "coulomb_friction", "added_inertia")
+ORDINARY = ("torque_offset", *FRICTION, "added_inertia")
 #: Of one that moves in one direction only friction is asked, which an offset looks like there.
-RESISTING = ("viscous_friction", "coulomb_friction", "added_inertia")
+RESISTING = (*FRICTION, "added_inertia")
 
 
 def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Grown:
@@ -237,8 +240,8 @@ def pruned(model: Model, rows: Rows, links: Links) -> Model:
             if term.candidate is None or term.candidate.effect.name in SHARED:
                 continue
             without = scored([other for other in kept if other != number])
-            share = _missed(without, best, term.joint, rows)
-            if share is None or (free and _missed_elsewhere(without, best, term.joint, rows)):
+            share = missed(without, best, term.joint, rows, name=term.candidate.effect.name)
+            if share is None or (free and missed_elsewhere(without, best, term.joint, rows)):
                 continue
             if share < weakest.get(term.joint, (np.inf,))[0]:
                 weakest[term.joint] = share, number
@@ -246,7 +249,7 @@ def pruned(model: Model, rows: Rows, links: Links) -> Model:
             break
         gone = {number for _, number in weakest.values()}
         whole = scored([number for number in kept if number not in gone])
-        if free and any(_missed(whole, best, joint, rows) is None for joint in rows.joints):
+        if free and any(missed(whole, best, joint, rows) is None for joint in rows.joints):
             # Links stand for what one joint lacks, and not for what all lack at once.
             gone = {min(weakest.values())[1]}
             whole = scored([number for number in kept if number not in gone])
@@ -267,27 +270,6 @@ def without_presliding(model: Model, rows: Rows) -> Model:
         if only_presliding(candidate, alone, rest, rows.of_joint(candidate.joint)):
             model = model.without(candidate)
     return model
-
-
-def _missed(without: Fitted, whole: Fitted, joint: int, rows: Rows) -> float | None:
-    """Return the share of a joint's loss that an effect takes away; None if it is to stay."""
-    own = rows.joint_of_block == joint
-    worse, better = without.losses[own], whole.losses[own]
-    gain = float((worse - better).sum())
-    least = max(MIN_GAIN * float(worse.sum()), least_gain(rows, joint, worse, better))
-    share = gain / max(float(worse.sum()), 1e-300)
-    if gain <= least:
-        return share
-    part = rows.parts[joint]
-    block = np.unique(rows.block[part], return_inverse=True)[1]
-    shown = nested_z(without.left[part], whole.left[part], block) > MIN_Z
-    return None if shown or sure(worse, better, rows.fold_of_block[own]) else share
-
-
-def _missed_elsewhere(without: Fitted, whole: Fitted, joint: int, rows: Rows) -> bool:
-    """Whether other joints miss an effect of `joint`, whose place links take at their cost."""
-    others = (other for other in rows.joints if other != joint)
-    return any(_missed(without, whole, other, rows) is None for other in others)
 
 
 def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[str, int], Step]]:

@@ -10,9 +10,8 @@ from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.uncertainty import partitions
 from analysis.closeloop.identification.tracing import trace
-from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
-from tests.testbed.sessions.coupled import measured, moving
+from tests.testbed.sessions.coupled import in_trials, measured
 
 TRIALS, ALONE = 5, 2
 
@@ -20,29 +19,6 @@ TRIALS, ALONE = 5, 2
 def movers(*travel: tuple[float, ...]) -> set[str]:
     """Return which of some groups alone move a joint; the second and third have a balance."""
     return lone_movers({str(n): [np.array(own)] for n, own in enumerate(travel)}, (1, 2))
-
-
-def in_trials(moves: np.ndarray) -> Recording:
-    """Return the robot in trials of equal length, a group each.
-
-    Args:
-        moves: whether each joint moves in each trial, (trials, joints).
-    """
-    whole = moving()
-    trial = np.arange(len(whole.time)) * len(moves) // len(whole.time)
-    names = [f"t{number}.csv" for number in range(len(moves))]
-    trials = tuple(Trial(file=name, label=name, group=name, role="fit") for name in names)
-    return replace(
-        whole,
-        session=replace(whole.session, trials=trials),
-        slices=[slice(*np.flatnonzero(trial == n)[[0, -1]] + [0, 1]) for n in range(len(moves))],
-        trial=trial,
-        position=np.where(moves[trial], whole.position, 0.3),
-        velocity=whole.velocity * moves[trial],
-        acceleration=whole.acceleration * moves[trial],
-        fit_trials=tuple(range(len(moves))),
-        cache={},
-    )
 
 
 def first_joint_in(*moved: int) -> Recording:
