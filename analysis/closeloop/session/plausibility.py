@@ -21,6 +21,9 @@ MAX_SPEED = 60.0
 #: Least share of samples that do.
 MAX_SPEED_SHARE = 0.01
 DEGREES = 180.0 / np.pi
+#: A velocity that is so many times the slope of its position, or that part of it, has another unit
+#: or another clock: no filter of a robot does that to the whole of a motion.
+OFF = 1.5
 #: An encoder is stuck that shows one value over this share of a trial while the velocity adds up to
 #: so much, rad or m, and to this share of all that the joint moves. Shorter runs are stale samples.
 STUCK_RUN = 0.1
@@ -263,15 +266,21 @@ def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np
     if gain < -0.2:
         why = f"has the opposite sign of the slope of {joint}.position; flip one of them"
         raise SessionError(why, file=trial.file, column=column, line=row + 2)
-    if gain > DEGREES / 3 or gain < 3 / DEGREES:
+    if 1.0 / OFF < gain < OFF:
+        return
+    larger = column if gain > 1 else f"{joint}.position"
+    if 1.0 / OFF < max(gain, 1.0 / gain) / DEGREES < OFF:
         unit = "the velocity" if gain > 1 else "the position"
         why = (
             f"is {gain:.3g} times the slope of {joint}.position: {unit} looks like degrees; "
             "both are in radians"
         )
-        raise SessionError(
-            why, file=trial.file, column=column if gain > 1 else f"{joint}.position", line=row + 2
+    else:
+        why = (
+            f"is {gain:.3g} times the slope of {joint}.position: if both are in one unit, samples "
+            f"are {1.0 / rate / gain:.3g} s apart and not {1.0 / rate:.3g} s; look at the clock"
         )
+    raise SessionError(why, file=trial.file, column=larger, line=row + 2)
 
 
 def in_motion(recording: Recording, joint: int) -> np.ndarray:

@@ -103,6 +103,18 @@ def test_degrees_are_refused(folder: Folder) -> None:
     assert error.column == "elbow.position" and "degrees" in str(error) and error.line is not None
 
 
+@pytest.mark.parametrize("times", [0.05, 0.5, 2.0, 20.0])
+def test_a_clock_that_makes_another_speed_than_the_velocity_is_refused(
+    folder: Folder, times: float
+) -> None:
+    """A log of an xMate7p that its folder calls 50 Hz is one of 1 kHz, not one in degrees."""
+    step = float(folder.table[1, 0] - folder.table[0, 0])
+    folder.table[:, 0] *= times
+    error = refusal(folder)
+    assert "clock" in str(error) and "degrees" not in str(error)
+    assert f"samples are {step:.3g} s apart" in str(error)
+
+
 def test_a_velocity_in_degrees_is_refused(folder: Folder) -> None:
     folder.table[:, 3] = np.degrees(folder.table[:, 3])
     error = refusal(folder)
