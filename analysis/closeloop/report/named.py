@@ -12,14 +12,16 @@ from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.report.parameters import beside_its_like, parameters_of, part_of
 from analysis.closeloop.report.separating import separating_trial
-from analysis.closeloop.report.shared import link_parameters
+from analysis.closeloop.report.shared import MASSLESS, link_parameters
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING
-from sim.effects.laws.inertia import GravityTorque
+from sim.effects.laws.inertia import PLACE, GravityTorque
 
 #: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
 MOST_NONSENSE = 0.25
+#: Parameters of a load that say where it hangs.
+PLACES = ("distance", *PLACE)
 #: Parameters of further gravity along the axes of the world.
 FURTHER_GRAVITY = tuple(GravityTorque.parameters)
 
@@ -42,19 +44,16 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
             {
                 "name": effect.name,
                 "joint": recording.name(joint),
-                "parameters": {
-                    name: _if_it_can_be(entry)
-                    for name, entry in (
-                        link_parameters(model, found.rows)
-                        if effect.name == LINK_INERTIA
-                        else beside_its_like(
-                            parameters_of(model, coefficients, fits, part_of(model, candidate)),
-                            model,
-                            found.rows,
-                            candidate,
-                        )
-                    ).items()
-                },
+                "parameters": if_they_can_be(
+                    link_parameters(model, found.rows)
+                    if effect.name == LINK_INERTIA
+                    else beside_its_like(
+                        parameters_of(model, coefficients, fits, part_of(model, candidate)),
+                        model,
+                        found.rows,
+                        candidate,
+                    )
+                ),
                 "indistinguishable_from": others,
                 "separating_trial": (
                     separating_trial(recording, step.taken.candidate.joint, effect)
@@ -135,10 +134,26 @@ def spans_nonsense(interval: Sequence[float], value: float, limits: Sequence[flo
         limits: least and largest value that is physical.
     """
     (low, high), (least, most) = interval, limits
+    if not least - ROUNDING <= value <= most + ROUNDING:
+        return True
     width = high - low
     below = (least - low) / width if width > 0 and value > least + ROUNDING else 0.0
     above = (high - most) / width if width > 0 and value < most - ROUNDING else 0.0
     return max(below, above) > MOST_NONSENSE
+
+
+def if_they_can_be(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return parameters as each can be (`_if_it_can_be`); what may have no mass has no place."""
+    found = {name: _if_it_can_be(entry) for name, entry in entries.items()}
+    if "refused" not in found.get("mass", {}):
+        return found
+    nowhere = {"value": None, "ci90": None, "refused": MASSLESS}
+    return {
+        name: entry
+        if name not in PLACES or "refused" in entry
+        else entry | nowhere | {"fitted": entry["value"]}
+        for name, entry in found.items()
+    }
 
 
 def _if_it_can_be(entry: Mapping[str, Any]) -> dict[str, Any]:

@@ -25,6 +25,8 @@ GAINS = (
     "the mass scales with the gains that turned currents into efforts: gains that are 1 % too "
     "large make it 1 % too large; its place does not change"
 )
+#: Why a load has no place.
+MASSLESS = "the load may have no mass"
 #: An interval that is so many times the device's reach has numbers that mean nothing.
 UNTOLD = 100.0
 #: Of a load whose moments are told and whose mass comes out as none.
@@ -226,8 +228,7 @@ def place_entry(
         reach: how far the device can be, m.
     """
     low, high = value - half, value + half
-    none = "the load may have no mass"
-    unknown = dict.fromkeys((1, 2, 3), none) if low[0] <= NO_MASS else {}
+    unknown = dict.fromkeys((1, 2, 3), MASSLESS) if low[0] <= NO_MASS else {}
     for number, name in enumerate(PLACE, start=1):
         if number in unknown:
             continue

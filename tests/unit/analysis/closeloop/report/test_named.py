@@ -20,6 +20,7 @@ from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
 from analysis.closeloop.report.named import (
     _if_it_can_be,
+    if_they_can_be,
     refused_values,
     spans_nonsense,
     undetermined,
@@ -46,12 +47,27 @@ MASS = (0.0, float("inf"))
         ((-0.3, 0.3), 0.0, MASS, False),
         ((-3.0, 9.0), 1.0, (-1.6, 1.6), True),
         ((1.0, 1.0), 1.0, MASS, False),
+        # Of a Kinova Gen3, metres beyond its reach.
+        ((-4.5, -0.7), -2.6, (-0.9, 0.9), True),
+        ((1.8, 1.9), 1.85, (-0.9, 0.9), True),
     ],
 )
 def test_an_interval_that_spans_nonsense_says_nothing(
     interval: tuple[float, float], value: float, limits: tuple[float, float], nonsense: bool
 ) -> None:
     assert spans_nonsense(interval, value, limits) is nonsense
+
+
+@pytest.mark.parametrize(("low", "refused"), [(-0.2, True), (0.3, False)])
+def test_what_may_have_no_mass_hangs_nowhere(low: float, refused: bool) -> None:
+    mass = {"value": 0.4, "ci90": [max(low, 0.0), 0.5], "unit": "kg", "free": (low, 0.5)}
+    place = {"value": 0.6, "ci90": [0.5, 0.7], "unit": "m", "free": (0.5, 0.7)}
+    entries = {"mass": mass | {"limits": MASS}, "position_x": place | {"limits": (-0.9, 0.9)}}
+    found = if_they_can_be(entries)["position_x"]
+    assert found["value"] == (None if refused else 0.6)
+    assert ("may have no mass" in found.get("refused", "")) is refused
+    # What was fitted is what was simulated.
+    assert not refused or found["fitted"] == 0.6
 
 
 def payload(free: tuple[float, float]) -> dict[str, Any]:
