@@ -198,6 +198,7 @@ def _other_gravity(recording: Recording, joints: list[Joint]) -> tuple[str, floa
         f"the joints move as in a gravity of [{found}] m/s2: that leaves "
         f"{left[best] / len(joints):.0%} of the efforts' variance, the declared [{told}] leaves "
         f"{before / len(joints):.0%}; is the device mounted another way, does something "
-        "balance it, or is its effort logged after gravity compensation?"
+        f"balance it, or is its effort logged after gravity compensation? If mounted or logged so, "
+        f'say "gravity": [{found}] in session.json'
     )
     return sentence, left[best]

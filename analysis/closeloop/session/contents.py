@@ -105,6 +105,8 @@ class Session:
     model: str
     height_m: float = 1.75
     mass_kg: float = 70.0
+    #: Along the axes of the model's world, m/s2; None leaves it to the model's file.
+    gravity: tuple[float, float, float] | None = None
     declared: tuple[DeclaredEffect, ...] = ()
     ignored_joints: tuple[str, ...] = ()
     #: Joints at which a human limb acts.

@@ -146,6 +146,16 @@ class Fields:
             raise self.wrong(name, f"must be more than {low:g}{most}, not {value:g}")
         return float(value)
 
+    def vector(
+        self, name: str, *, most: float, wanted: str, default: list[float] | None = None
+    ) -> tuple[float, float, float]:
+        """Return three numbers between -`most` and `most`; `wanted` says what they are."""
+        value = self.get(name, default)
+        if not isinstance(value, list) or len(value) != 3:
+            raise self.wrong(name, f"must be {wanted}")
+        x, y, z = (self.checked_number(name, each, low=-most, high=most) for each in value)
+        return x, y, z
+
     def entries(self, name: str) -> list[Any]:
         """Return a list; without the field an empty one."""
         entries = self.get(name, [])

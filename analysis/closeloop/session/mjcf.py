@@ -54,6 +54,8 @@ def load_device(session: Session) -> Device:
     else:
         path = inside(session.folder, session.model, field_name="model")
         spec, remarks = _read_model(path, session.model)
+    if session.gravity is not None:
+        spec.option.gravity = session.gravity
     device = Device(
         spec=spec,
         ignored_joints=session.ignored_joints,

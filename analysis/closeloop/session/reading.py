@@ -22,6 +22,8 @@ from sim.effects.catalogue import VISCOELASTIC, law_of
 
 MAX_TRIALS = 200
 MAX_JSON_BYTES = 1_000_000
+#: m/s2: beyond, another unit is meant.
+MOST_GRAVITY = 30.0
 #: Any name may stand there.
 ANY = "*"
 #: What `session.json` may say: by name what stands inside, None if that is read elsewhere.
@@ -29,6 +31,7 @@ _KEYS: Mapping[str, Any] = {
     "schema": None,
     "model": None,
     "subject": {"height_m": None, "mass_kg": None},
+    "gravity": None,
     "declared_effects": {"effect": None, "joint": None},
     "ignored_joints": None,
     "limb_joints": None,
@@ -87,6 +90,7 @@ def read_session(folder: Path, known_effects: Collection[str]) -> Session:
         model=model,
         height_m=subject.number("height_m", 1.75, low=0.5, high=2.5),
         mass_kg=subject.number("mass_kg", 70.0, low=10.0, high=300.0),
+        gravity=_gravity(fields),
         declared=declared,
         ignored_joints=_joint_names(fields, "ignored_joints"),
         limb_joints=limbs,
@@ -239,12 +243,10 @@ def _added_mass(trial: Fields) -> AddedMass | None:
     if entry is None:
         return None
     own = trial.part("added_mass", entry, 'with "body", "mass_kg" and "position"')
-    position = own.get("position", [0, 0, 0])
-    if not isinstance(position, list) or len(position) != 3:
-        raise own.wrong("position", "must be three numbers in m, in the body's frame")
-    x, y, z = (own.checked_number("position", value, low=-10.0, high=10.0) for value in position)
+    wanted = "three numbers in m, in the body's frame"
+    position = own.vector("position", most=10.0, wanted=wanted, default=[0, 0, 0])
     return AddedMass(
-        body=own.text("body"), mass=own.number("mass_kg", high=1000.0), position=(x, y, z)
+        body=own.text("body"), mass=own.number("mass_kg", high=1000.0), position=position
     )
 
 
@@ -271,6 +273,13 @@ def _one_body_each(fields: Fields, trials: list[Trial]) -> None:
                 f"{load.name!r} hangs on {bodies[load.name]!r} in an earlier trial and on "
                 f"{load.body!r} here; give a load that was moved another name",
             )
+
+
+def _gravity(fields: Fields) -> tuple[float, float, float] | None:
+    if fields.get("gravity") is None:
+        return None
+    wanted = "three numbers in m/s2, along x, y and z of the model's world"
+    return fields.vector("gravity", most=MOST_GRAVITY, wanted=wanted)
 
 
 def _filter_hz(fields: Fields) -> float | None:

@@ -75,6 +75,7 @@ def test_another_gravity_is_said_and_is_no_wrong_sign(robot: Recording) -> None:
     check_declared(upside_down)
     (said,) = doubtful_gravity(upside_down)
     assert said.startswith("the joints move as in a gravity of [0, 0, 9.81] m/s2")
+    assert said.endswith('say "gravity": [0, 0, 9.81] in session.json')
 
 
 def test_a_spring_is_no_other_gravity(robot: Recording) -> None:

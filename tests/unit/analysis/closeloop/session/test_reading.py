@@ -258,6 +258,10 @@ def test_a_motor_that_warms_up_or_is_pushed_holds_its_joint() -> None:
         ("trials", [{"file": "a.csv", "payload": {"name": "tool", "body": "leg"}}], "leg"),
         ("trials", [{"file": "a.csv", "payload": {"body": "forearm"}}], "payload.name"),
         ("ignored_joints", ["wrist"], "wrist"),
+        ("gravity", [9.81, 0], "gravity must be three numbers in m/s2"),
+        ("gravity", "down", "gravity must be three numbers in m/s2"),
+        ("gravity", [0, 0, -981], "gravity must be more than -30 and at most 30, not -981"),
+        ("gravity", [0, None, 9.81], "gravity must be a finite number"),
         (
             "declared_effects",
             [{"effect": "viscoelastic_joint", "joint": "wrist"}],
@@ -269,6 +273,12 @@ def test_a_motor_that_warms_up_or_is_pushed_holds_its_joint() -> None:
 def test_session_json_is_checked(folder: Folder, field: str, value: object, words: str) -> None:
     folder.session[field] = value  # type: ignore[assignment]
     assert words in str(refusal(folder))
+
+
+def test_gravity_of_the_session_stands_for_the_model_s_own(folder: Folder) -> None:
+    """A robot's description stands upright, whatever wall the robot hangs at."""
+    folder.session["gravity"] = [9.81, 0, -0.5]
+    assert load_session(folder.write()).gravity == pytest.approx([9.81, 0.0, -0.5])
 
 
 def test_broken_json_is_found_by_line(folder: Folder) -> None:
