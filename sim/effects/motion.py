@@ -90,6 +90,9 @@ class Recording(Protocol):
     def motor_damping(self, joint: int) -> float:
         """Return the declared damping of the joint's motor and gear, Nm s/rad or N s/m."""
 
+    @property
+    def mass(self) -> float: ...
+
     def link_mass(self, joint: int) -> float:
         """Return the declared mass of the link that a joint moves, kg."""
 

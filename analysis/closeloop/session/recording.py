@@ -173,6 +173,11 @@ class Recording:
         """Return the declared damping of the joint's motor and gear, Nm s/rad or N s/m."""
         return float(self.device.model.dof_damping[self.device.dof(self.name(joint))])
 
+    @property
+    def mass(self) -> float:
+        """Declared mass of all links, kg."""
+        return float(self.device.model.body_mass.sum())
+
     def link_mass(self, joint: int) -> float:
         """Return the declared mass of the link that a joint moves, kg."""
         return float(self.device.model.body_mass[self.device.body(joint)])

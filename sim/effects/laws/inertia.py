@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 PLACE = ("position_x", "position_y", "position_z")
 #: Mass below which a place means nothing, kg, and the longest way to go at once, m.
 LEAST_LOAD, LONGEST_WAY = 1e-3, 0.3
+#: No robot carries so many times what all its links weigh.
+MOST_LOAD = 10.0
 #: How far beside its link's line a load may be, m: a hand's breadth.
 OFF_LINE = 0.1
 #: No more than this share of the declared inertia can turn out not to be there.
@@ -146,7 +148,8 @@ class PlacedPayload(Payload):
 
     def limits(self, joint: RecordedJoint) -> Limits:
         reach = joint.recording.reach(joint.number)
-        return {"mass": (0.0, np.inf), **dict.fromkeys(PLACE, (-reach, reach))}
+        most = MOST_LOAD * joint.recording.mass
+        return {"mass": (0.0, most), **dict.fromkeys(PLACE, (-reach, reach))}
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         recording = joint.recording

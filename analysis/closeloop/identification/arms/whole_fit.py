@@ -29,7 +29,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.session.link_torque import carriers
-from sim.effects.laws.inertia import LEAST_LOAD
+from sim.effects.laws.inertia import LEAST_LOAD, MOST_LOAD
 from sim.effects.rigid import point_mass, point_mass_slopes
 
 #: How much more than one second's rows the declared links may count, firmest first.
@@ -227,13 +227,14 @@ class WholeFit:
     def loads(self) -> list[Fitted]:
         """Fit every term and one load on each link in turn; those that could be a load.
 
-        It has a mass, and hangs where the arm could reach.
+        It has a mass, of which an arm may carry so much, and hangs where the arm could reach.
         """
         every, found = range(len(self.model.terms)), []
+        most = MOST_LOAD * self.model.recording.mass
         for number in range(len(self.links.bodies)):
             fitted = self.with_load(every, number)
             assert fitted.place is not None
-            if fitted.mass > 0.0 and np.linalg.norm(fitted.place) <= self.reach(number):
+            if 0.0 < fitted.mass <= most and np.linalg.norm(fitted.place) <= self.reach(number):
                 found.append(fitted)
         return found
 

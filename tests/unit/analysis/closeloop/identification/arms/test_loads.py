@@ -43,3 +43,15 @@ def test_it_is_named_and_later_steps_leave_it_there(asked: tuple[Model, Rows]) -
     assert load.key == ("payload", 2)
     term = next(term for term in shared.terms if term.candidate == load)
     assert term.kept == (0, 1, 3) and term.theta[PLACE[1]] == pytest.approx(ASIDE)
+
+
+def test_a_load_that_no_arm_could_carry_is_none(
+    asked: tuple[Model, Rows], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where a link's axes meet in its frame 2 250 kg at the frame took what its moments do."""
+    model, rows = asked
+    fit = WholeFit(model, rows, links_of(model.recording))
+    heaviest = max(load.mass for load in fit.loads())
+    assert heaviest < 10.0 * model.recording.mass
+    monkeypatch.setattr(type(model.recording), "mass", heaviest / 10.1)
+    assert all(load.mass < heaviest for load in fit.loads())
