@@ -48,5 +48,6 @@ def read_log(path: Path) -> Log:
         why = " ".join(f"{type(error).__name__} {error}".split())[:200]
         raise SessionError(f"is damaged, or of a kind not known: {why}", file=path.name) from None
     if not log.channels:
-        raise SessionError("holds no signal: no column of two or more numbers", file=path.name)
+        why = "; ".join(["holds no signal: no column of two or more numbers", *log.remarks])
+        raise SessionError(why, file=path.name)
     return log

@@ -35,6 +35,7 @@ def read(path: Path) -> Log:
 
     found: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
     failed: dict[str, str] = {}
+    large: dict[str, str] = {}
     count: dict[str, int] = defaultdict(int)
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
@@ -50,7 +51,11 @@ def read(path: Path) -> Log:
                 count[connection.topic] += 1
                 time = _stamp(message) or 1e-9 * recorded
                 topic = connection.topic if connection.msgtype == JOINT_STATE else ""
-                for name, value in _numbers(message, connection.msgtype, connection.topic):
+                numbers = _numbers(message, connection.msgtype, connection.topic)
+                if not topic and len(numbers) > MAX_NUMBERS:
+                    large[connection.topic] = connection.msgtype
+                    continue
+                for name, value in numbers:
                     found[topic, name].append((time, value))
     except (AnyReaderError, Error1, Error2) as error:
         why = " ".join(str(error).split())[:200]
@@ -65,6 +70,10 @@ def read(path: Path) -> Log:
             table = np.array(samples)
             unit = QUANTITIES.get(name.rpartition(".")[2])
             log.channels.append(Channel(name=name, time=table[:, 0], values=table[:, 1], unit=unit))
+    log.remarks += [
+        f"{topic} ({kind}) has messages of more than {MAX_NUMBERS} numbers, which were left out"
+        for topic, kind in large.items()
+    ]
     log.remarks += [f"{topic} could not be read ({why})" for topic, why in failed.items()]
     return log
 
@@ -100,8 +109,7 @@ def _numbers(message: Any, kind: str, topic: str) -> list[tuple[str, float]]:
             if len(values := getattr(message, quantity)) == len(message.name)
             for at, joint in enumerate(message.name)
         ]
-    found = _flat(message, topic.lstrip("/").replace("/", "."))
-    return found if len(found) <= MAX_NUMBERS else []
+    return _flat(message, topic.lstrip("/").replace("/", "."))
 
 
 def _flat(item: Any, name: str) -> list[tuple[str, float]]:

@@ -131,6 +131,27 @@ def test_what_was_measured_is_not_mixed_with_what_a_controller_asked_for(tmp_pat
     ]
 
 
+def test_a_bag_of_long_messages_alone_is_told_by_their_topic_and_kind(tmp_path: Path) -> None:
+    """As of a PR2 whose every message holds a whole movement."""
+    pytest.importorskip("rosbags", reason="needs the extra logs")
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = "std_msgs/msg/Float64MultiArray"
+    types: dict[str, Any] = store.types
+    layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    message = types[kind](layout=layout, data=np.arange(500.0))
+    with Writer(tmp_path / "log", version=9) as writer:
+        segments = writer.add_connection("/segments", kind, typestore=store)
+        for n in range(3):
+            writer.write(segments, n, store.serialize_cdr(message, kind))
+    with pytest.raises(
+        SessionError, match=r"no signal.*/segments \(std_msgs.*more than 40 numbers"
+    ):
+        read_log(tmp_path / "log")
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_a_named_pipe_is_no_file_and_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "log.csv")
