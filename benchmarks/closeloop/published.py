@@ -4,11 +4,13 @@
 
 FOLDER holds clones of github thanhndv212/figaroh-examples as `figaroh` (Staubli TX40: 9 s at 5 kHz,
 motor positions and torques; Apache licence), unisa-acg/inverse-dynamics-solver as `unisa` (UR10 and
-Franka Panda: an exciting trajectory each, as ROS 2 bags; GPL) and
+Franka Panda: an exciting trajectory each, as ROS 2 bags; GPL), JonasWeigand/Robot_Identification as
+`kuka` (`kr300`), NKU-ZiXuan/xMate7p_dyn_ident as `xmate` and
+FrankJIE09/Dynamics_identification_Frank as `ar5` (`rokae`), and
 YIZHIXIAOCANGSHU/Friction-Identification-for-Manipulators as `amd02` (an arm moved joint by joint,
 each of which sticks and jumps). Who published the friction had these recordings or others of the
 same robot; of the Panda another one. The UR10's published model is compiled, where there is g++,
-for its error on the same held-out samples.
+for its error on the same held-out samples; of the KR300 the log has what its model feeds forward.
 """
 
 import argparse
@@ -25,11 +27,17 @@ import numpy as np
 from analysis.closeloop.logs.reading import read_log
 from analysis.closeloop.loop import close_loop
 from analysis.closeloop.session.signals import rms
-from benchmarks.closeloop.arms import panda_links, print_arm, write_session, write_table
+from benchmarks.closeloop import kr300, rokae
+from benchmarks.closeloop.arms import (
+    panda_links,
+    print_arm,
+    write_session,
+    write_table,
+)
 from benchmarks.machine import describe_machine
 
 #: Bands in which errors are compared, Hz.
-TX40_BAND, UR10_BAND, PANDA_BAND = 20.0, 8.0, 8.0
+TX40_BAND, UR10_BAND, PANDA_BAND, KR300_BAND, ROKAE_BAND = 20.0, 8.0, 8.0, 10.0, 8.0
 #: The TX40's motors: turns a turn of the joint; the last one turns with joint 5, too.
 TX40_GEARS = (32.0, 32.0, 45.0, -48.0, 45.0, 32.0)
 TX40_SECONDS = 2e-4
@@ -252,6 +260,31 @@ def main() -> None:
         print_arm("Franka Panda at 30 Hz, the last 8 s held out", own, own / "out", PANDA_BAND)
         panda = [f"fer_joint{number}" for number in range(1, 8)]
         print_beside(own / "out", panda, {"coulomb_friction": [step / 2.0 for step in PANDA_STEP]})
+
+        left = ", ".join(
+            f"{own:.0f}" for own in kr300.fed_forward_errors(source / "kuka", KR300_BAND)
+        )
+        for balanced, title in ((False, "balancer and load"), (True, "load")):
+            own = Path(name) / f"kr300-{balanced}"
+            kr300.write(own, source / "kuka", balanced=balanced)
+            print_arm(
+                f"KUKA KR300, {title} undeclared, a run held out", own, own / "out", KR300_BAND
+            )
+            print(f"  what its authors' model feeds forward leaves there {left} Nm")
+            friction = {"viscous_friction": kr300.VISCOUS, "coulomb_friction": kr300.COULOMB}
+            print_beside(own / "out", kr300.JOINTS, friction)
+
+        own = Path(name) / "xmate"
+        rokae.write_xmate(own, source / "xmate")
+        print_arm("Rokae xMate7p, two trajectories held out", own, own / "out", ROKAE_BAND)
+        rokae.print_relative(own)
+
+        for declared in (False, True):
+            own = Path(name) / f"ar5-{declared}"
+            rokae.write_ar5(own, source / "ar5", gravity=declared)
+            title = "gravity declared, the last 20 s held out" if declared else "gravity downwards"
+            print_arm(f"Rokae AR5 at a wall, {title}", own, own / "out", ROKAE_BAND)
+            print_beside(own / "out", rokae.AR5, {"coulomb_friction": rokae.AR5_COULOMB})
 
         own = Path(name) / "amd02"
         own.mkdir()
