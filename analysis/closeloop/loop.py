@@ -137,7 +137,8 @@ def close_loop(
     if report["verdict"] == Verdict.EFFECT_FOUND:
         progress("the repaired model in simulation")
         confirmation, simulation = confirm(found.recording, report, xml)
-        report["warnings"] += unconfirmed(confirmation)
+        repaired = {effect["joint"] for effect in report["effects"]}
+        report["warnings"] += unconfirmed(confirmation, repaired)
         report["confirmation"] = finite(confirmation)
         report["simulation"] = simulation
     progress("report")
