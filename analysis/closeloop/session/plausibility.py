@@ -29,6 +29,8 @@ OFF = 1.5
 STUCK_RUN = 0.1
 STUCK = 0.02
 STUCK_SHARE = 0.05
+#: Range of a random walk without its trend, over the root mean square of its end, at most.
+WALK = 3.0
 STILL = "no position changes; if the joints were not held, look at the encoders"
 #: Length over which the effort of a held joint is averaged, s, and by how many spreads of single
 #: samples, or last digits, it changes if the joint is not held. Both were chosen before the still
@@ -231,11 +233,13 @@ def _check_stuck(trial: Trial, joint: str, position: np.ndarray, velocity: np.nd
     least = max(STUCK, STUCK_SHARE * float(np.ptp(position)))
     edges = np.flatnonzero(np.diff(position)) + 1
     for start, end in zip([0, *edges], [*edges, len(position)], strict=True):
-        if end - start < STUCK_RUN * len(position):
+        if end - start < max(3.0, STUCK_RUN * len(position)):
             continue
-        # A sensor's zero is no motion.
+        # A sensor's zero is no motion, nor is the walk that its noise adds up to.
         way = detrend(travelled[start:end])
-        if float(np.ptp(way)) > least:
+        noise = float(np.diff(velocity[start:end]).std()) / np.sqrt(2.0)
+        walk = noise * float(np.median(step)) * np.sqrt(end - start)
+        if float(np.ptp(way)) > max(least, WALK * walk):
             why = (
                 f"stays at {position[start]:g} for {end - start} samples while {joint}.velocity "
                 "says that the joint moves; look at the encoder"

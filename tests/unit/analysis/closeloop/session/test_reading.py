@@ -165,6 +165,17 @@ def test_an_encoder_that_is_stuck_is_named(folder: Folder, start: int, line: int
     assert "look at the encoder" in str(error)
 
 
+def test_a_held_joint_with_a_noisy_velocity_is_not_stuck(folder: Folder) -> None:
+    """Of an opponent: white noise adds up to a walk of a tenth of a radian in 10 s."""
+    folder.table[:1000, 2] = folder.table[1000, 2]
+    rng = np.random.default_rng(0)
+    step = folder.table[1, 0] - folder.table[0, 0]
+    noise = 0.15 / (step * np.sqrt(1000.0))
+    folder.table[:, 3] = np.gradient(folder.table[:, 2], step)
+    folder.table[:, 3] += noise * rng.standard_normal(len(folder.table))
+    load_session(folder.write())
+
+
 def test_of_encoders_that_are_all_stuck_the_one_of_the_motor_that_works_is_named(
     folder: Folder,
 ) -> None:
