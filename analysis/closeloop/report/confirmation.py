@@ -152,8 +152,11 @@ def unconfirmed(confirmation: Mapping[str, Any], repaired: Collection[str]) -> l
 
 
 def _helped(entry: Mapping[str, Any]) -> bool:
-    """Whether a repair lets a joint follow with less feedback, or nearer: noise takes feedback."""
-    return any(entry[f"{what}_after"] < entry[f"{what}_before"] for what in MEASURES)
+    """Whether a repair lets a joint follow with less feedback, or nearer: noise takes feedback.
+
+    So it does where the declared model leaves all sense, and has neither.
+    """
+    return not all(entry[f"{what}_after"] >= entry[f"{what}_before"] for what in MEASURES)
 
 
 def load_of(trial: Trial, report: Mapping[str, Any], word: str) -> AddedMass | None:

@@ -176,5 +176,7 @@ def test_a_repair_has_to_help_its_own_joint_and_to_harm_no_other(
 ) -> None:
     before = {"feedback_before": 6.5, "deviation_before": 5e-3, "unit": "Nm"}
     entry = before | {"feedback_after": feedback, "deviation_after": deviation}
-    confirmation = {"ran": True, "joints": {"elbow": entry}}
+    confirmation: dict[str, Any] = {"ran": True, "joints": {"elbow": entry}}
     assert bool(unconfirmed(confirmation, {"elbow"} if repaired else set())) is warned
+    lost = entry | {"feedback_before": np.nan, "deviation_before": np.nan}
+    assert unconfirmed({"ran": True, "joints": {"elbow": lost}}, {"elbow"}) == []
