@@ -15,6 +15,7 @@ from analysis.closeloop.identification.balance.model import (
     evaluate,
 )
 from analysis.closeloop.identification.balance.regression import (
+    ROUNDING,
     Rows,
     Score,
     Variant,
@@ -179,6 +180,11 @@ def _try(
     found = _best(model, rows, candidate, thetas, joint, left_out)
     if found is None:
         return None
+    if beyond_physics(*found, candidate):
+        # Many may fit alike, as a load beside inertia at any distance: which is best is rounding.
+        each = (_best(model, rows, candidate, [theta], joint, left_out) for theta in thetas)
+        alike = (one for one in each if one and one[1].sse <= (1.0 + ROUNDING) * found[1].sse)
+        found = next((one for one in alike if not beyond_physics(*one, candidate)), found)
     tried, scored = found
     gain, error = compare(current.losses, scored.losses)
     option = Option(
@@ -321,7 +327,8 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
             if near == theta or candidate.effect.beyond(joint, near, {}):
                 continue
             found = _best(rest, rows, candidate, [near], joint, left_out)
-            if found is not None and found[1].sse < current.sse:
+            # Not for rounding's sake: it may lead to where the effect cannot be.
+            if found is not None and found[1].sse < (1.0 - ROUNDING) * current.sse:
                 (model, current), theta = found, near
         if number >= COARSE and current.sse > (1.0 - SETTLED) * begun:
             break
