@@ -272,9 +272,9 @@ def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np
         raise SessionError(why, file=trial.file, column=column, line=row + 2)
     if 1.0 / OFF < gain < OFF:
         return
-    larger = column if gain > 1 else f"{joint}.position"
     if 1.0 / OFF < max(gain, 1.0 / gain) / DEGREES < OFF:
         unit = "the velocity" if gain > 1 else "the position"
+        column = column if gain > 1 else f"{joint}.position"
         why = (
             f"is {gain:.3g} times the slope of {joint}.position: {unit} looks like degrees; "
             "both are in radians"
@@ -284,7 +284,7 @@ def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np
             f"is {gain:.3g} times the slope of {joint}.position: if both are in one unit, samples "
             f"are {1.0 / rate / gain:.3g} s apart and not {1.0 / rate:.3g} s; look at the clock"
         )
-    raise SessionError(why, file=trial.file, column=larger, line=row + 2)
+    raise SessionError(why, file=trial.file, column=column, line=row + 2)
 
 
 def in_motion(recording: Recording, joint: int) -> np.ndarray:

@@ -37,9 +37,7 @@ from analysis.closeloop.identification.balance.declared import (
     hung_again,
     placed,
 )
-from analysis.closeloop.identification.balance.luck import (
-    MIN_LATER_GAIN,
-)
+from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
