@@ -6,12 +6,12 @@ another link, after Khalil and Dombre 2002 (Modeling, identification and control
 Siciliano et al. 2009 (Robotics: modelling, planning and control, section 7.1).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.effects.effect import ROUNDING, Law, Theta
+from sim.effects.effect import Law, Theta
 from sim.effects.elements import joint_of
 from sim.effects.functions import Signal, tanh
 from sim.effects.motion import Motion, RecordedJoint, Recording
@@ -112,21 +112,6 @@ class CrossJointCoupling(Law):
             return super().unit_of(parameter, theta, joint)
         is_hinge = joint.recording.is_hinge
         return UNITS[parameter][is_hinge(joint.number), is_hinge(int(theta["other_dof"]))]
-
-    def beyond(
-        self,
-        joint: RecordedJoint,
-        theta: Theta,
-        coefficients: Mapping[int, float],
-        *,
-        difference: bool = False,
-    ) -> str:
-        # Nothing drives a belt: it pulls the joint after the other one, against its own motor.
-        drives = theta["between"] and theta["by"] == MOTION
-        for column, name in enumerate(FORMS[MOTION][:2] if drives else ()):
-            if coefficients.get(column, 0.0) > ROUNDING:
-                return name
-        return super().beyond(joint, theta, coefficients, difference=difference)
 
     def applies(self, recording: Recording, joint: int) -> bool:
         return bool(_others(recording, joint))

@@ -57,21 +57,6 @@ def test_a_coupling_by_effort_is_found_both_ways_and_is_no_gain() -> None:
         assert own["effort_share"] == pytest.approx(-share, rel=0.02)
 
 
-@pytest.mark.parametrize(("stiffness", "belt"), [(0.6, True), (-0.6, False)])
-def test_a_belt_pulls_a_joint_after_the_other_and_never_drives_them_apart(
-    stiffness: float, belt: bool
-) -> None:
-    """On a Rokae AR5 one that did stood for links that are 2 % heavier."""
-    still = moving()
-    effort = np.array(still.inverse)
-    effort[:, 1] += stiffness * (still.position[:, 1] - still.position[:, 0])
-    effort[:, 1] += 0.05 * stiffness * (still.velocity[:, 1] - still.velocity[:, 0])
-    robot = measured(still, effort)
-    own = values(traced(robot)["cross_joint_coupling", 1], robot)
-    assert own["between"] == belt
-    assert abs(own["stiffness"]) == pytest.approx(0.6, rel=0.01)
-
-
 def test_a_rotor_on_another_link_couples_both_joints_by_inertia_and_changes_no_link() -> None:
     still = moving()
     needed = np.array(still.inverse)
