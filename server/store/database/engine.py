@@ -63,6 +63,7 @@ def create_engine(
         # the turns stay out of the pool, and SQLite's are not cut.
         pool_pre_ping=not url.startswith("sqlite"),
     )
+    _close_what_comes_back_late(engine)
     if engine.dialect.name == "sqlite":
         sa.event.listen(engine, "connect", _open_sqlite)
         if durability == "full":
@@ -226,6 +227,24 @@ def insert(connection: Connection, table: sa.Table) -> postgresql.Insert | sqlit
     if connection.dialect.name == "sqlite":
         return sqlite.insert(table)
     return postgresql.insert(table)
+
+
+def _close_what_comes_back_late(engine: Engine) -> None:
+    """Close each connection that comes back after the pool that it is of was given up.
+
+    `Engine.dispose` closes those that nobody uses. Others went back to a pool that nobody knows
+    any more, and stayed open until it was found among the garbage.
+    """
+
+    def note(_driver: Any, record: Any) -> None:
+        record.info["pool"] = engine.pool
+
+    def look(_driver: Any, record: Any) -> None:
+        if record.info.get("pool") is not engine.pool:
+            record.close()
+
+    sa.event.listen(engine, "connect", note)
+    sa.event.listen(engine, "checkin", look)
 
 
 def _open_sqlite(connection: Any, _record: Any) -> None:
