@@ -30,7 +30,8 @@ class Machine:
 
     def __init__(self, folder: Path) -> None:
         self.clone = folder / "rehyb"
-        ignored = shutil.ignore_patterns(".git", ".venv", ".*_cache", "__pycache__", "build", "demo")
+        names = (".git", ".venv", ".*_cache", "__pycache__", "build", "demo")
+        ignored = shutil.ignore_patterns(*names)
         shutil.copytree(ROOT, self.clone, ignore=ignored)
         (self.clone / ".venv").symlink_to(sys.prefix)
         self._environment = {

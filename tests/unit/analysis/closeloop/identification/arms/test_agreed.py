@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.agreed import missed
+from analysis.closeloop.identification.arms.agreed import missed, shared_by_joints
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from tests.testbed.sessions.coupled import in_trials, measured
+from tests.testbed.sessions.coupled import in_trials, measured, moving
 
 
 def shares(groups: int, *, comes_back: bool = True) -> dict[str, float | None]:
@@ -47,3 +47,19 @@ def test_what_one_group_alone_shows_is_not_kept() -> None:
 @pytest.mark.parametrize("groups", [3, 4])
 def test_of_more_groups_three_are_enough_for_any_effect(groups: int) -> None:
     assert set(shares(groups).values()) == {None}
+
+
+@pytest.mark.parametrize(("every_second", "kept"), [(True, False), (False, True)])
+def test_a_joint_speaks_against_what_joints_share_by_more_than_one_standard_error(
+    every_second: bool, kept: bool
+) -> None:
+    """A tenth of the second joint's loss is added to each second, or all of it to one of ten."""
+    bare = moving()
+    robot = measured(bare, bare.inverse)
+    rows = select_rows(robot, robot.fit_trials)
+    alone = np.array([rows.effort_power(joint) for joint in rows.joint_of_block])
+    shared = np.where(rows.joint_of_block == 1, alone, 0.5 * alone)
+    own = np.flatnonzero(rows.joint_of_block == 1)
+    shared[own if every_second else own[:1]] *= 1.1 if every_second else 1.0 + 0.1 * len(own)
+    first, other = (SimpleNamespace(losses=one, loss=one.sum()) for one in (alone, shared))
+    assert shared_by_joints(first, other, rows) is kept
