@@ -62,15 +62,25 @@ def only_presliding(
     )
 
 
-def _rubbing(model: Model, joint: int) -> Model:
-    """Return the model with Coulomb friction: the least that can wind up over presliding's way."""
-    effect, theta = BY_NAME["coulomb_friction"], dict.fromkeys(TURNS, AT_ONCE)
+def _rubbing(model: Model, joint: int, law: str = "coulomb_friction") -> Model:
+    """Return the model with a law of friction: of Coulomb's, the least that can wind up."""
+    effect, theta = BY_NAME[law], dict.fromkeys(TURNS, AT_ONCE)
     columns = effect.columns(unfitted(model.recording, joint), theta)
     return model.with_term(
         Term(
             joint=joint, columns=columns, lower=effect.lower, kept=(0,), theta=theta, effect=effect
         )
     )
+
+
+def rubbing_anyway(model: Model, joint: int) -> Model:
+    """Return the model with plain friction of a joint of which no name says yet that it rubs.
+
+    What somebody pushes may hide that, and every joint does.
+    """
+    if any(term.rubs and term.joint == joint for term in model.terms):
+        return model
+    return _rubbing(_rubbing(model, joint), joint, "viscous_friction")
 
 
 def _nothing_beside(

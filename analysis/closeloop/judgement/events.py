@@ -32,7 +32,7 @@ from analysis.closeloop.identification.balance.sticking import (
 )
 from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Event
-from analysis.closeloop.identification.presliding import with_free_presliding
+from analysis.closeloop.identification.presliding import rubbing_anyway, with_free_presliding
 from analysis.closeloop.judgement.holds import (
     AROUND,
     SHORTEST,
@@ -95,7 +95,10 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
                 friction[joint] = friction_of(model, rows, joint)
             if len(samples) < LEAST_ROWS:
                 continue
-            own = _joined(_moving(model, rows, joint, friction[joint]))
+            # Of one that hardly rubs, a push itself would be taken for friction.
+            rubs = friction[joint] > MIN_TORQUE * rms(recording.effort[samples, joint])
+            known = rubbing_anyway(model, joint) if rubs else model
+            own = _joined(_moving(known, rows, joint, friction[joint]))
             own = [event for event in own if event.end - event.begin > SHORTEST]
             seconds = len(samples) * samples_step(samples) / recording.rate
             if int(driven(recording, joint, samples).sum()) * seconds > TELLS * len(samples):
@@ -103,10 +106,10 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
                 expected[joint] = recording.filtered(torque)[:, 0]
             found += own if len(own) <= max(3.0, OFTEN * seconds) else []
     for joint in range(recording.effort.shape[1]):
-        known = expected.get(joint)
-        abrupt = 0.0 if known is None else ABRUPT * upper_octave(recording, joint)
+        moved = expected.get(joint)
+        abrupt = 0.0 if moved is None else ABRUPT * upper_octave(recording, joint)
         beside = bool(expected.keys() - {joint})
-        found += rest_events(recording, joint, friction.get(joint, 0.0), known, abrupt, beside)
+        found += rest_events(recording, joint, friction.get(joint, 0.0), moved, abrupt, beside)
         if not expected:
             # Where another joint moves, its reaction takes this one along.
             found += away_events(recording, joint)

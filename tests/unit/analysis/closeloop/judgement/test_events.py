@@ -12,6 +12,7 @@ from analysis.closeloop.judgement.events import find_events, spared, upper_octav
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.coupled import in_trials, measured
 from tests.testbed.sessions.moved import moved
 
 SECONDS, RATE, NOISE = 60.0, 50.0, 0.05
@@ -146,7 +147,8 @@ def test_a_motion_that_starts_at_once_makes_no_event(swinging: Recording) -> Non
     found = with_effort(abrupt, missed)
     assert find_events(Model(found), found) == ()
     # The same where nothing starts is somebody's push.
-    assert find_events(Model(swinging), with_effort(swinging, missed)) != ()
+    pushed_instead = with_effort(swinging, missed)
+    assert find_events(Model(pushed_instead), pushed_instead) != ()
 
 
 def test_a_stretch_that_the_model_explains_is_no_event(swinging: Recording) -> None:
@@ -212,6 +214,22 @@ def test_a_push_of_a_joint_that_is_always_abrupt_is_found(swinging: Recording) -
     push = pushed(41.0, 0.8, -0.7)
     octave = upper_octave(quick, 1)
     assert 0.5 * octave.min() > 0.7
-    (event,) = find_events(Model(quick), with_effort(quick, push))
+    found = with_effort(quick, push)
+    (event,) = find_events(Model(found), found)
     assert 40.8 < event.begin < 41.4 < event.end < 42.0
-    assert find_events(Model(quick), with_effort(quick, 0.0 * push)) == ()
+    quiet = with_effort(quick, 0.0 * push)
+    assert find_events(Model(quiet), quiet) == ()
+
+
+def test_a_push_is_seen_beside_friction_that_no_name_says_yet() -> None:
+    """In one of two trials; without plain friction in the model nothing of it stood out."""
+    bare = in_trials(np.ones((2, 3), dtype=bool))
+    friction = 0.13 * np.tanh(bare.velocity[:, [1]] / 0.01) * [0.0, 1.0, 0.0]
+    inside = (bare.time > 5.0) & (bare.time < 6.4)
+    push = 0.32 * inside[:, None] * [0.0, 1.0, 0.0]
+    rubs = measured(bare, bare.inverse + friction)
+    assert find_events(Model(rubs), rubs) == ()
+    pushed = measured(bare, bare.inverse + friction + push)
+    (event,) = find_events(Model(pushed), pushed)
+    assert event.joint == 1
+    assert 4.7 < event.begin < 5.1 < 6.3 < event.end < 6.7
