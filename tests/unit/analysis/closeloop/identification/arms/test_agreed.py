@@ -1,13 +1,14 @@
 """What left-out groups of a joint are to miss, so that an effect is kept."""
 
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms.agreed import missed, shared_by_joints
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from tests.testbed.sessions.coupled import in_trials, measured, moving
+from tests.testbed.sessions.coupled import in_trials, measured
 
 
 def shares(groups: int, *, comes_back: bool = True) -> dict[str, float | None]:
@@ -49,17 +50,23 @@ def test_of_more_groups_three_are_enough_for_any_effect(groups: int) -> None:
     assert set(shares(groups).values()) == {None}
 
 
-@pytest.mark.parametrize(("every_second", "kept"), [(True, False), (False, True)])
+@pytest.mark.parametrize(
+    ("blocks", "worse", "kept"), [(20, 20, False), (20, 1, True), (1, 1, False)]
+)
 def test_a_joint_speaks_against_what_joints_share_by_more_than_one_standard_error(
-    every_second: bool, kept: bool
+    blocks: int, worse: int, kept: bool
 ) -> None:
-    """A tenth of the second joint's loss is added to each second, or all of it to one of ten."""
-    bare = moving()
-    robot = measured(bare, bare.inverse)
-    rows = select_rows(robot, robot.fit_trials)
-    alone = np.array([rows.effort_power(joint) for joint in rows.joint_of_block])
-    shared = np.where(rows.joint_of_block == 1, alone, 0.5 * alone)
-    own = np.flatnonzero(rows.joint_of_block == 1)
-    shared[own if every_second else own[:1]] *= 1.1 if every_second else 1.0 + 0.1 * len(own)
+    """The second joint loses a tenth: in all of its seconds alike, in one, or in its only one."""
+    own = np.repeat([0, 1], [60, blocks])
+    alone = np.ones(len(own))
+    shared = np.where(own == 1, 0.9, 0.5)
+    shared[60 : 60 + worse] += 0.2 * blocks / worse
+    rows = SimpleNamespace(
+        joints=(0, 1),
+        samples={0: (), 1: ()},
+        joint_of_block=own,
+        fold_of_block=np.arange(len(own)) % 4,
+        effort_power=lambda _: 1.0,
+    )
     first, other = (SimpleNamespace(losses=one, loss=one.sum()) for one in (alone, shared))
-    assert shared_by_joints(first, other, rows) is kept
+    assert shared_by_joints(first, other, cast(Rows, rows)) is kept
