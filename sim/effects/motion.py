@@ -204,33 +204,8 @@ class RecordedJoint:
         return travel(self.position)
 
     def wound(self, distance: float, exponent: float = 1.0) -> np.ndarray:
-        """Return how far what gives way before it slides is wound, -1 to 1, (n,).
-
-        From 0 at the start of each piece; over `distance` (rad or m) most of the way after each
-        reversal (Dahl 1968) if `exponent` is 1, all of it as a spring that then yields if it is 0.
-        """
-        out = np.zeros(len(self.position))
-        for piece in self.recording.slices:
-            position = self.position[piece]
-            sign = np.sign(np.diff(position, prepend=position[0]))
-            starts = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1])
-            lengths = np.diff(np.concatenate([starts, [len(position)]]))
-            begin = np.repeat(np.maximum(starts - 1, 0), lengths)
-            ways = (position - position[begin]) / distance
-            last, states, state = starts + lengths - 1, [], 0.0
-            if exponent == 0.0:
-                for way in ways[last].tolist():
-                    states.append(state)
-                    state = min(max(state + way, -1.0), 1.0)
-                out[piece] = np.clip(np.repeat(states, lengths) + ways, -1.0, 1.0)
-                continue
-            left = np.exp(-np.abs(ways))
-            left[sign == 0.0] = 1.0
-            for way, share in zip(sign[starts].tolist(), left[last].tolist(), strict=True):
-                states.append(state)
-                state = way + (state - way) * share
-            out[piece] = sign + (np.repeat(states, lengths) - sign) * left
-        return out
+        """Return how far what gives way before the joint slides is wound, (n,); see `wound`."""
+        return wound(self.position, self.recording.slices, distance, exponent)
 
     @property
     def weight(self) -> np.ndarray:
@@ -304,6 +279,44 @@ class SimulatedMotion:
 
 
 Motion = RecordedJoint | SimulatedMotion
+
+
+def wound(
+    position: np.ndarray, slices: Sequence[slice], distance: float, exponent: float = 1.0
+) -> np.ndarray:
+    """Return how far what gives way before it slides is wound, -1 to 1, (n,).
+
+    From 0 at the start of each piece; over `distance` most of the way after each reversal (Dahl
+    1968) if `exponent` is 1, all of it as a spring that then yields if it is 0.
+
+    Args:
+        position: of what slides, rad or m, (n,).
+        slices: pieces without a gap.
+        distance: rad or m.
+        exponent: 1 or 0.
+    """
+    out = np.zeros(len(position))
+    for piece in slices:
+        own = position[piece]
+        sign = np.sign(np.diff(own, prepend=own[0]))
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1])
+        lengths = np.diff(np.concatenate([starts, [len(own)]]))
+        begin = np.repeat(np.maximum(starts - 1, 0), lengths)
+        ways = (own - own[begin]) / distance
+        last, states, state = starts + lengths - 1, [], 0.0
+        if exponent == 0.0:
+            for way in ways[last].tolist():
+                states.append(state)
+                state = min(max(state + way, -1.0), 1.0)
+            out[piece] = np.clip(np.repeat(states, lengths) + ways, -1.0, 1.0)
+            continue
+        left = np.exp(-np.abs(ways))
+        left[sign == 0.0] = 1.0
+        for way, share in zip(sign[starts].tolist(), left[last].tolist(), strict=True):
+            states.append(state)
+            state = way + (state - way) * share
+        out[piece] = sign + (np.repeat(states, lengths) - sign) * left
+    return out
 
 
 def travel(position: np.ndarray) -> tuple[float, float]:

@@ -25,10 +25,11 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import SCATTERED, Rows, select_rows
 from analysis.closeloop.identification.balance.sticking import (
+    coupled_motors,
     driven,
     friction_of,
     samples_step,
-    sticking,
+    unknown_friction,
 )
 from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Event
@@ -91,14 +92,14 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
         rows = select_rows(recording, tuple(range(len(recording.session.trials))))
         for joint in recording.joints:
             samples = rows.samples[joint]
-            if len(samples):
-                friction[joint] = friction_of(model, rows, joint)
+            rubbed = friction_of(model, rows, joint) if len(samples) else 0.0
+            friction[joint] = rubbed + sum(own for own, _ in coupled_motors(model, rows, joint))
             if len(samples) < LEAST_ROWS:
                 continue
             # Of one that hardly rubs, a push itself would be taken for friction.
-            rubs = friction[joint] > MIN_TORQUE * rms(recording.effort[samples, joint])
+            rubs = rubbed > MIN_TORQUE * rms(recording.effort[samples, joint])
             known = rubbing_anyway(model, joint) if rubs else model
-            own = _joined(_moving(known, rows, joint, friction[joint]))
+            own = _joined(_moving(known, rows, joint, unknown_friction(model, rows, joint)))
             own = [event for event in own if event.end - event.begin > SHORTEST]
             seconds = len(samples) * samples_step(samples) / recording.rate
             if int(driven(recording, joint, samples).sum()) * seconds > TELLS * len(samples):
@@ -221,15 +222,15 @@ def _predicted(
     return left, ((table @ inverse) * table).sum(axis=1)
 
 
-def _moving(model: Model, rows: Rows, joint: int, friction: float) -> Iterator[Event]:
+def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Iterator[Event]:
     """Yield what stands out of a moving joint's residual and is not there in other passes.
 
     Args:
         model: what is known by now.
         rows: the samples of all joints in motion.
         joint: which.
-        friction: that its motion shows, Nm or N. Where it turns, sticking for a moment as long as a
-            controller takes, its friction has any value, as at rest.
+        friction: that no motion shows, Nm or N, low-passed, (n,). Where it turns, sticking for a
+            moment as long as a controller takes, its friction has any value, as at rest.
     """
     recording, samples = rows.recording, rows.samples[joint]
     if len(np.unique(rows.block[rows.parts[joint]])) < SCATTERED:
@@ -245,7 +246,7 @@ def _moving(model: Model, rows: Rows, joint: int, friction: float) -> Iterator[E
     places = [recording.position[samples, joint], np.sign(turned) * np.log(np.abs(turned) + 0.02)]
     ways = [_Way(recording.time[samples], [place, *motion]) for place in places]
     octave = np.maximum(upper_octave(recording, joint)[samples], 1e-12)
-    stuck = STICTION * friction * sticking(recording, joint)[samples]
+    stuck = STICTION * friction[samples]
     # Less than matters beside the effort is no event either.
     stuck = np.maximum(stuck, MIN_TORQUE * rms(recording.effort[samples, joint]))
     for seconds in SCALES:

@@ -296,13 +296,17 @@ class Recording:
 
     def turning(self, joint: int) -> np.ndarray:
         """Return where a joint rests or changes direction, (n,): its friction may be any there."""
+        return self.turns(self.velocity[:, joint], float(self.rest_speed[joint]))
 
-        def of_piece(velocity: np.ndarray) -> np.ndarray:
-            turning = np.abs(velocity) < self.rest_speed[joint]
-            turning[1:] |= np.diff(np.sign(velocity)) != 0
+    def turns(self, velocity: np.ndarray, rest_speed: float) -> np.ndarray:
+        """Return where what goes at a velocity, (n,), rests or changes direction, (n,)."""
+
+        def of_piece(own: np.ndarray) -> np.ndarray:
+            turning = np.abs(own) < rest_speed
+            turning[1:] |= np.diff(np.sign(own)) != 0
             return np.asarray(turning)
 
-        return self._by_piece(self.velocity[:, joint], of_piece)
+        return self._by_piece(velocity, of_piece)
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """Pass columns (n, ...) through the fit's low-pass, piece by piece, as the effort."""

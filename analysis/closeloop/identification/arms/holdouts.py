@@ -13,7 +13,7 @@ from analysis.closeloop.identification.balance.accuracy import (
 )
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from analysis.closeloop.identification.balance.sticking import friction_of, sticking
+from analysis.closeloop.identification.balance.sticking import unknown_friction
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import Step, exchanged
 from analysis.closeloop.identification.growing.steps import Grown
@@ -135,10 +135,7 @@ def _beyond_friction(declared: Model, rows: Rows) -> Callable[[list[TrialError]]
     Where a joint sticks its friction may be anything to either side of it, and of any model.
     """
     recording = rows.recording
-    doubt = {
-        joint: 2.0 * friction_of(declared, rows, joint) * sticking(recording, joint)
-        for joint in rows.joints
-    }
+    doubt = {joint: 2.0 * unknown_friction(declared, rows, joint) for joint in rows.joints}
 
     def of(errors: list[TrialError]) -> Errors:
         squares: dict[int, list[np.ndarray]] = {joint: [] for joint in rows.joints}

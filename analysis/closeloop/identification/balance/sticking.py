@@ -7,19 +7,21 @@ Where less is left the rows stay: they show how friction turns, and without them
 predicted worse than by least squares.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.signal import oaconvolve
 
 from analysis.closeloop.identification.balance.model import (
     Model,
+    Term,
     evaluate,
     kept_columns,
-    unfitted,
 )
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lowpass, rms
-from sim.effects.motion import PRESLIDING_SHARE
+from sim.effects.motion import PRESLIDING_SHARE, travel, wound
 
 #: A standard deviation over the median of sizes.
 SPREAD = 1.4826
@@ -46,13 +48,23 @@ def sliding(model: Model, rows: Rows, residual: np.ndarray) -> Rows:
     kept = np.ones(len(rows.weight), dtype=bool)
     for joint in rows.joints:
         left = residual[rows.parts[joint]]
-        doubt = friction_of(model, rows, joint) * sticking(rows.recording, joint)
-        own = doubt[rows.samples[joint]]
+        own = unknown_friction(model, rows, joint)[rows.samples[joint]]
         noise = SPREAD * float(np.median(np.abs(left)))
         known = own <= max(noise, float(np.quantile(own, LEAST_KEPT)))
         if not known.all() and rms(left[~known]) > LEFT * rms(left[known]):
             kept[rows.parts[joint]] = known
     return rows.where(kept)
+
+
+def unknown_friction(model: Model, rows: Rows, joint: int) -> np.ndarray:
+    """Return how much of a joint's friction no motion shows, Nm or N, low-passed, (n,).
+
+    Its own where it turns, and that of motors which turn with it and another joint where they do.
+    """
+    found = friction_of(model, rows, joint) * sticking(rows.recording, joint)
+    for friction, motor in coupled_motors(model, rows, joint):
+        found += friction * motor_sticking(rows.recording, motor)
+    return found
 
 
 def sticking(recording: Recording, joint: int) -> np.ndarray:
@@ -61,16 +73,42 @@ def sticking(recording: Recording, joint: int) -> np.ndarray:
     As long as it sticks, or has not gone presliding's way since, its friction has any value; the
     low-pass spreads that, and rings.
     """
+    position, velocity = recording.position[:, joint], recording.velocity[:, joint]
+    return _sticking(recording, position, velocity, recording.rest_speed[joint])
+
+
+def motor_sticking(recording: Recording, motor: Term) -> np.ndarray:
+    """Return the same where a motor turns that turns with two joints, (n,)."""
+    joint, other = motor.joint, int(motor.theta["other_dof"])
+    position, velocity = (
+        signal[:, joint] + motor.theta["sense"] * signal[:, other]
+        for signal in (recording.position, recording.velocity)
+    )
+    rest_speed = recording.rest_speed[joint] + recording.rest_speed[other]
+    return _sticking(recording, position, velocity, rest_speed)
+
+
+def _sticking(
+    recording: Recording, position: np.ndarray, velocity: np.ndarray, rest_speed: float
+) -> np.ndarray:
     rate, cutoff = recording.rate, recording.sampling.fit_cutoff
     one = np.zeros(2 * int(RINGS * rate / cutoff) + 1)
     one[len(one) // 2] = 1.0
     response = np.abs(lowpass(one, cutoff, rate))
-    recorded = unfitted(recording, joint)
-    wound = recorded.wound(0.5 * PRESLIDING_SHARE * recorded.travel[1], 0.0)
-    unknown = (recording.turning(joint) | (np.abs(wound) < 1.0)).astype(float)
+    gives_way = 0.5 * PRESLIDING_SHARE * travel(position)[1]
+    winding = np.abs(wound(position, recording.slices, gives_way, 0.0)) < 1.0
+    unknown = (recording.turns(velocity, rest_speed) | winding).astype(float)
     return np.concatenate(
         [oaconvolve(unknown[piece], response, mode="same") for piece in recording.slices]
     )
+
+
+def coupled_motors(model: Model, rows: Rows, joint: int) -> Iterator[tuple[float, Term]]:
+    """Yield what motors that turn with a joint and another rub, Nm or N, and their terms."""
+    for term, own in model.split(evaluate(model, rows).coefficients):
+        is_motor = term.effect is not None and term.effect.name == "coupled_motor"
+        if is_motor and term.joint == joint and 0 in term.kept:
+            yield float(own[term.kept.index(0)]), term
 
 
 def friction_of(model: Model, rows: Rows, joint: int) -> float:

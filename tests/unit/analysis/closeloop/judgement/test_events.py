@@ -233,3 +233,27 @@ def test_a_push_is_seen_beside_friction_that_no_name_says_yet() -> None:
     (event,) = find_events(Model(pushed), pushed)
     assert event.joint == 1
     assert 4.7 < event.begin < 5.1 < 6.3 < event.end < 6.7
+
+
+def test_friction_of_a_motor_of_two_joints_that_sticks_where_it_turns_is_no_event() -> None:
+    """It turns with the sum of two speeds, and each joint by itself moves on there."""
+    motor, theta = BY_NAME["coupled_motor"], {"other_dof": 0.0, "sense": 1.0, "smooth": 0.004}
+    bare = in_trials(np.ones((1, 3), dtype=bool))
+    columns = motor.columns(unfitted(bare, 1), theta)
+    term = Term(joint=1, columns=columns, kept=(0, 1), theta=theta, effect=motor)
+    speed = bare.velocity[:, 0] + bare.velocity[:, 1]
+    turns = np.flatnonzero((np.diff(np.sign(speed)) != 0) & (bare.time[1:] > 10.0))
+    turn = int(turns[np.argmax(np.abs(bare.velocity[turns, 1]))])
+
+    def beside(slips: int) -> tuple[Event, ...]:
+        friction = 0.2 * np.sign(speed)
+        late = slice(slips + 1, slips + 9)
+        friction[late] *= -1.0
+        effort = bare.inverse + friction[:, None] * [0.0, 1.0, 0.0]
+        found = measured(bare, effort)
+        return find_events(Model(found, terms=(term,)), found)
+
+    assert beside(turn) == ()
+    # As much where it does not turn is somebody's push.
+    (event,) = beside(turn + 30)
+    assert event.joint == 1 and event.begin < bare.time[turn + 35] < event.end
