@@ -244,7 +244,8 @@ def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Itera
     turned = recording.since_reversal(joint)[samples]
     motion = [x[samples, joint] for x in (recording.velocity, recording.acceleration)]
     places = [recording.position[samples, joint], np.sign(turned) * np.log(np.abs(turned) + 0.02)]
-    ways = [_Way(recording.time[samples], [place, *motion]) for place in places]
+    clock = _clock(recording)[samples]
+    ways = [_Way(clock, [place, *motion]) for place in places]
     octave = np.maximum(upper_octave(recording, joint)[samples], 1e-12)
     stuck = STICTION * friction[samples]
     # Less than matters beside the effort is no event either.
@@ -332,12 +333,18 @@ def _more_than_abrupt(
         joint: which.
         top: the row in question.
     """
-    time, block = rows.recording.time[rows.samples[joint]], rows.block[rows.parts[joint]]
+    time, block = _clock(rows.recording)[rows.samples[joint]], rows.block[rows.parts[joint]]
     like = (octave > 0.5 * octave[top]) & (np.abs(time - time[top]) > ELSEWHERE)
     share = np.abs(left) / octave
     if len(np.unique(block[like])) < LEAST_BLOCKS:
         return False
     return bool(share[top] > AS_ABRUPT * share[like].max())
+
+
+def _clock(recording: Recording) -> np.ndarray:
+    """Return the time of every sample, s, (n,), one trial after the other."""
+    longest = float(np.ptp(recording.time)) + 2.0 * ELSEWHERE
+    return np.asarray(recording.time + longest * recording.trial)
 
 
 class _Way:

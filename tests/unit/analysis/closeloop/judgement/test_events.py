@@ -75,6 +75,32 @@ def test_torque_that_comes_back_wherever_the_joint_passes_is_no_event(swinging: 
     assert find_events(Model(found), found) == ()
 
 
+def test_torque_that_comes_back_at_the_same_time_of_every_trial_is_no_event(
+    recording: Recording,
+) -> None:
+    """Each file has a clock of its own: what is as late in another one is another pass."""
+    third = len(TIME) // 3
+    turn = 2 * np.pi * TIME / TIME[third]
+    elbow = 1.0 + 0.5 * np.sin(turn) + 0.2 * np.sin(2.0 * turn)
+    repeated = moved(recording, np.column_stack([np.zeros(len(TIME)), elbow]), RATE)
+    number = np.arange(len(TIME)) // third
+    trials = tuple(Trial(file=f"{n}.csv", label="", group=str(n), role="fit") for n in range(3))
+    repeated = replace(
+        repeated,
+        session=replace(repeated.session, trials=trials),
+        trial=number,
+        time=TIME - TIME[third] * number,
+        slices=[slice(n * third, (n + 1) * third) for n in range(3)],
+        fit_trials=(0, 1, 2),
+        cache={},
+    )
+    begins = TIME[np.argmax(elbow[:third])] - 0.4 + TIME[third] * np.arange(3)
+    once = with_effort(repeated, pushed(begins[1], 0.8, 0.7))
+    assert [event.trial for event in find_events(Model(once), once)] == [1]
+    always = with_effort(repeated, sum(pushed(begin, 0.8, 0.7) for begin in begins))
+    assert find_events(Model(always), always) == ()
+
+
 def test_no_fit_uses_what_an_event_disturbed(swinging: Recording) -> None:
     event = Event(trial=0, joint=1, begin=20.0, end=21.0, peak=0.5)
     recording = with_effort(swinging, np.zeros(len(TIME)))
