@@ -2,21 +2,19 @@
 
 Looked for before any effect is, so that no effect is made of it, and the fit is spared it. A joint
 that moves is compared with what the declared model and splines on all signals make of its other
-seconds, fitted so that a few wrong ones do not count (bisquare weights, Beaton and Tukey 1974); a
-joint that rests, with the course of its own torque there, because friction at rest has any value.
-What stands out is no event if the same residual is there whenever the joint passes in the same
-way. Thresholds were set on the synthetic sessions of `tests/testbed` (seeds below 100) and on two
-recordings of a UR10e (`still_hold` has none, `pushed_while_still` five pushes).
+seconds; a joint that rests, with the course of its own torque there, because friction at rest has
+any value. What stands out is no event if the same residual is there whenever the joint passes in
+the same way. Thresholds were set on the synthetic sessions of `tests/testbed` (seeds below 100) and
+on two recordings of a UR10e (`still_hold` has none, `pushed_while_still` five pushes).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.spatial import cKDTree
 
-from analysis.closeloop.identification.balance.least_squares import gram_matrices
 from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS, MIN_TORQUE
 from analysis.closeloop.identification.balance.model import (
     Model,
@@ -31,9 +29,9 @@ from analysis.closeloop.identification.balance.sticking import (
     samples_step,
     unknown_friction,
 )
-from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Event
-from analysis.closeloop.identification.presliding import rubbing_anyway, with_free_presliding
+from analysis.closeloop.identification.presliding import rubbing_anyway
+from analysis.closeloop.judgement.beyond import LEAST_ROWS, beyond_splines
 from analysis.closeloop.judgement.holds import (
     AROUND,
     SHORTEST,
@@ -52,8 +50,6 @@ PEAK, FLANK = 6.0, 2.5
 SCALES = (0.0, 0.2, 0.6)
 #: Time that a motor moves its joint, s, before a fit to it tells what an excursion from rest takes.
 TELLS = 6.0
-#: Rows of a joint in motion, below which nothing is said of it.
-LEAST_ROWS = 50
 #: How many events a second of motion are none but a form that is wrong.
 OFTEN = 0.15
 #: What takes a larger share of the time than this is not local.
@@ -70,12 +66,6 @@ ELSEWHERE = 1.0
 #: How near another pass is (in deviations of place, speed and acceleration), and which share of
 #: the residual makes it the same.
 NEAR, ALIKE = 0.3, 0.4
-#: How many neighbouring rows noise makes alike, which a fit takes for as many less.
-COLOUR = 10.0
-#: Share of the rows that tell what is usual where a fit is about as sure.
-LIKE = 0.25
-#: Rounds of the robust fit, and its bisquare's width.
-ROUNDS, WIDTH = 5, 4.7
 
 
 def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
@@ -92,7 +82,9 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
         rows = select_rows(recording, tuple(range(len(recording.session.trials))))
         for joint in recording.joints:
             samples = rows.samples[joint]
-            rubbed = friction_of(model, rows, joint) if len(samples) else 0.0
+            if not len(samples):
+                continue
+            rubbed = friction_of(model, rows, joint)
             friction[joint] = rubbed + sum(own for own, _ in coupled_motors(model, rows, joint))
             if len(samples) < LEAST_ROWS:
                 continue
@@ -126,102 +118,6 @@ def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
     return replace(recording, disturbed=disturbed)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Beyond:
-    """What is left of a joint by the model alone, and with splines beside it; arrays (r,)."""
-
-    #: By the model, fitted without outliers, Nm or N, low-passed; the smaller of what it leaves
-    #: with its friction as it is and free to turn, which misses starts unlike all others.
-    alone: np.ndarray
-    #: With splines, every second predicted from others, Nm or N, low-passed.
-    left: np.ndarray
-    #: The variance of that prediction, over that of a row's own noise.
-    doubt: np.ndarray
-
-    @property
-    def least(self) -> np.ndarray:
-        """The smaller of both: where the model is right, what splines miss is their own."""
-        return _smaller(self.alone, self.left)
-
-    @property
-    def sure(self) -> np.ndarray:
-        """What splines leave, made smaller by their doubt, Nm or N.
-
-        No event is made of a place where the joint was once.
-        """
-        return np.asarray(self.left / np.sqrt(1.0 + COLOUR * self.doubt))
-
-    @property
-    def relative(self) -> np.ndarray:
-        """The same over what is usual of it where splines are about as sure."""
-        sure = self.sure
-        order = np.argsort(self.doubt, kind="stable")
-        width = min(max(LEAST_ROWS, int(LIKE * len(order))), len(order))
-        usual = np.empty_like(sure)
-        usual[order] = 1.4826 * median_filter(np.abs(sure[order]), width)
-        return np.asarray(sure / np.maximum(usual, 1e-12))
-
-
-def beyond_splines(model: Model, rows: Rows, joint: int) -> Beyond:
-    """Return what the model leaves of a joint, alone and with splines on all signals beside it."""
-    part, recording = rows.parts[joint], rows.recording
-    groups = signal_groups(rows, joint) | phase_groups(recording, joint)
-    splines = np.concatenate(list(groups.values()), axis=1)
-    base, _ = with_free_presliding(model, [joint]).base(rows)
-    stacked = rows.stack(model.transformed({joint: splines}), splines.shape[1])
-    table = np.concatenate([np.ones((len(base), 1)), base, stacked], axis=1)[part]
-    scale = np.sqrt((table**2).mean(axis=0))
-    kept = scale > 1e-9
-    table = table[:, kept] / scale[kept]
-    target = model.target(rows)[part]
-    both = np.column_stack([table, target])
-    folds = [np.flatnonzero(rows.block[part] % SCATTERED == k) for k in range(SCATTERED)]
-    weight, left, doubt = np.ones(len(target)), target, np.zeros(len(target))
-    for _ in range(ROUNDS):
-        grams = gram_matrices(both * np.sqrt(weight)[:, None], folds)
-        total = grams.sum(axis=0)
-        left, doubt = np.empty_like(target), np.empty_like(target)
-        for own, gram in zip(folds, grams, strict=True):
-            left[own], doubt[own] = _predicted(total - gram, table[own], target[own])
-        sure = left / np.sqrt(1.0 + COLOUR * doubt)
-        size = np.abs(sure) / (WIDTH * max(spread(sure), 1e-12))
-        weight = np.where(size < 1, (1 - size**2) ** 2, 0.0)
-    alone = _smaller(
-        _left(target, base[part], weight), _left(target, model.base(rows)[0][part], weight)
-    )
-    if spread(left) > np.sqrt(2.0) * spread(alone):
-        # A joint that drifts while it is held has too few seconds for splines: their own error is
-        # larger than all that the model leaves, so they have nothing to say. (Twice the power: set
-        # while looking at limbs 639 and 5059 of the unkind bench.)
-        return Beyond(alone=alone, left=alone, doubt=np.zeros(len(alone)))
-    return Beyond(alone=alone, left=left, doubt=doubt)
-
-
-def _smaller(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return what is nearer to zero, row by row, (r,)."""
-    return np.where(np.abs(one) < np.abs(other), one, other)
-
-
-def _left(target: np.ndarray, table: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return what a weighted fit of a table, (r, k), and a constant leaves of a target, (r,)."""
-    table = np.column_stack([np.ones(len(table)), table])
-    root = np.sqrt(weight)
-    return np.asarray(
-        target - table @ np.linalg.lstsq(table * root[:, None], target * root, rcond=None)[0]
-    )
-
-
-def _predicted(
-    gram: np.ndarray, table: np.ndarray, target: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residual of rows that were not fitted, and the variance of their prediction."""
-    size = len(gram) - 1
-    matrix = gram[:size, :size] + 1e-5 * float(np.trace(gram[:size, :size])) / size * np.eye(size)
-    inverse = np.linalg.inv(matrix)
-    left = target - table @ (inverse @ gram[:size, size])
-    return left, ((table @ inverse) * table).sum(axis=1)
-
-
 def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Iterator[Event]:
     """Yield what stands out of a moving joint's residual and is not there in other passes.
 
@@ -249,7 +145,7 @@ def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Itera
     octave = np.maximum(upper_octave(recording, joint)[samples], 1e-12)
     stuck = STICTION * friction[samples]
     # Less than matters beside the effort is no event either.
-    stuck = np.maximum(stuck, MIN_TORQUE * rms(recording.effort[samples, joint]))
+    matters = MIN_TORQUE * rms(recording.effort[samples, joint])
     for seconds in SCALES:
         width = max(1, round(seconds / step))
         relative, sure, alone, predicted, excused, abrupt = (
@@ -267,7 +163,8 @@ def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Itera
             for run in runs(size[piece] > FLANK):
                 own = piece[run]
                 least = np.minimum(np.abs(sure[own]), np.abs(alone[own]))
-                clear = own[_lasting(least > excused[own], size[own])]
+                told = np.minimum(np.abs(predicted[own]), np.abs(alone[own])) > matters
+                clear = own[_lasting((least > excused[own]) & told, size[own])]
                 if not len(clear):
                     continue
                 calm = clear[least[clear - own[0]] > ABRUPT * abrupt[clear]]

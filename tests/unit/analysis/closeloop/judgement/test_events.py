@@ -283,3 +283,15 @@ def test_friction_of_a_motor_of_two_joints_that_sticks_where_it_turns_is_no_even
     # As much where it does not turn is somebody's push.
     (event,) = beside(turn + 30)
     assert event.joint == 1 and event.begin < bare.time[turn + 35] < event.end
+
+
+def test_a_push_of_more_than_matters_is_told_though_few_rows_are_like_it() -> None:
+    """What splines leave counts for less where they are unsure, but is as large as it is."""
+    bare = in_trials(np.ones((2, 3), dtype=bool))
+    inside = (bare.time > 13.0) & (bare.time < 13.6)
+    course = np.where(inside, np.sin(np.pi * (bare.time - 13.0) / 0.6) ** 2, 0.0)
+    found = measured(bare, bare.inverse + 0.03 * course[:, None] * [0.0, 1.0, 0.0])
+    (event,) = find_events(Model(found), found)
+    assert event.joint == 1 and 12.5 < event.begin < 13.3 < event.end < 14.0
+    little = measured(bare, bare.inverse + 0.012 * course[:, None] * [0.0, 1.0, 0.0])
+    assert find_events(Model(little), little) == ()
