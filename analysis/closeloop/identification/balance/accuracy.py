@@ -1,19 +1,27 @@
 """Errors over the raw effort samples: on trials no fit has touched, or with each group left out."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.signal import decimate
 
 from analysis.closeloop.identification.balance.least_squares import gram_matrices, solve
-from analysis.closeloop.identification.balance.model import Model, kept_columns, prediction
+from analysis.closeloop.identification.balance.model import (
+    Model,
+    kept_columns,
+    prediction,
+    unfitted,
+)
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
+from sim.effects.motion import PRESLIDING_SHARE
 
 #: Rate, Hz, to which errors are decimated for comparison with published relative errors.
 SMOOTH_RATE = 100.0
+#: Ways over which friction turns where a joint creeps at rest, over the longest that is presliding.
+WAYS = (1 / 64, 1 / 16, 1 / 4)
 
 
 def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
@@ -42,9 +50,13 @@ def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
         # A trial may lack the joint's effort.
         fitted &= np.isfinite(recording.effort[:, joint])
         missing = recording.effort[fitted, joint] - predicted[fitted, joint] + sliding[fitted]
-        if _creeps(held[fitted], sliding[fitted], missing, recording.trial[fitted]):
+        own = unfitted(recording, joint)
+        longest = PRESLIDING_SHARE * own.travel[1]
+        laws = [held, *(np.abs(held) * own.wound(share * longest) for share in WAYS)]
+        course = _best(laws, sliding, missing, fitted, recording.trial)
+        if course is None:
             continue
-        kept = _share(held[fitted], missing) * held[rests]
+        kept = _share(course[fitted], missing) * course[rests]
         predicted[rests, joint] += kept - sliding[rests]
     return predicted
 
@@ -55,22 +67,39 @@ def _share(held: np.ndarray, missing: np.ndarray) -> float:
     return float(np.clip(held @ missing / power, 0.0, 1.0)) if power > 0 else 0.0
 
 
-def _creeps(held: np.ndarray, sliding: np.ndarray, missing: np.ndarray, trial: np.ndarray) -> bool:
-    """Whether friction at rest goes on with the velocity rather than stay as it was.
+def _best(
+    laws: Sequence[np.ndarray],
+    sliding: np.ndarray,
+    missing: np.ndarray,
+    fitted: np.ndarray,
+    trial: np.ndarray,
+) -> np.ndarray | None:
+    """Return the law of friction at rest that predicts best; None if it goes on with the velocity.
 
     Args:
-        held: friction of the last sample in motion, at each sample at rest.
-        sliding: what the velocity makes of it there.
-        missing: what it has to be.
-        trial: number of each sample's trial; its share comes from the other trials, if any.
+        laws: friction as each has it, (n,).
+        sliding: what the velocity makes of it, (n,).
+        missing: what it has to be where it is fitted, (s,).
+        fitted: where that is, (n,).
+        trial: number of each sample's trial; its share comes from the other trials, if any, (n,).
     """
+    least, best = float((missing - sliding[fitted]) @ (missing - sliding[fitted])), None
+    for law in laws:
+        lost = _lost(law[fitted], missing, trial[fitted])
+        if lost <= least:
+            least, best = lost, law
+    return best
+
+
+def _lost(held: np.ndarray, missing: np.ndarray, trial: np.ndarray) -> float:
+    """Return the squares that shares of a law, of each trial from the others, leave of it."""
     lost = 0.0
     for number in np.unique(trial):
         own = trial == number
         others = own if own.all() else ~own
         left = missing[own] - _share(held[others], missing[others]) * held[own]
         lost += float(left @ left)
-    return lost > float((missing - sliding) @ (missing - sliding))
+    return lost
 
 
 def raw_errors(
