@@ -34,6 +34,7 @@ from analysis.closeloop.report.shared import (
     unnamed_load_entries,
 )
 from analysis.closeloop.report.unexplained import (
+    at_rest_where_worse,
     far_from_floor,
     floor_entries,
     not_settled,
@@ -80,6 +81,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *warnings,
             *far_from_floor(outcome),
             *of_wrong_torques(outcome),
+            *at_rest_where_worse(recording, outcome.holdout),
             *not_settled(outcome),
             *not_identified(identified),
             *undecided(impedance),

@@ -7,11 +7,20 @@ import numpy as np
 from scipy.signal import welch
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.balance.accuracy import rms_by_joint
 from analysis.closeloop.identification.balance.trial_error import TrialError
-from analysis.closeloop.identification.findings import AT_FLOOR, Event, Floor, Outcome, Trace
+from analysis.closeloop.identification.findings import (
+    AT_FLOOR,
+    Errors,
+    Event,
+    Floor,
+    Outcome,
+    Trace,
+)
 from analysis.closeloop.identification.spectrum import Peak
 from analysis.closeloop.judgement.outcome import worse_than_none
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.runs import MOVING
 
 #: A trial or a moment whose residual is this many times the usual one stands out.
 ODD = 1.5
@@ -168,6 +177,25 @@ def of_wrong_torques(outcome: Outcome) -> list[str]:
         "units, sign, columns and masses as declared?"
         for joint, (error, effort) in worse_than_none(outcome).items()
     ]
+
+
+def at_rest_where_worse(recording: Recording, holdout: Errors) -> list[str]:
+    """Return a warning for every joint whose error grows where it only rests."""
+    before, after = map(rms_by_joint, (holdout.before, holdout.after))
+    held_out = np.isin(recording.trial, [error.trial for error in holdout.after])
+    lines = []
+    for joint, (error, _) in after.items():
+        way = float(np.ptp(recording.position[held_out, joint]))
+        if error <= before[joint][0] or way > MOVING:
+            continue
+        name = recording.name(joint)
+        grows = f"{before[joint][0]:.3g} to {error:.3g} {recording.device.unit(name)}"
+        lines.append(
+            f"{name}: its error grows, {grows}, in held-out trials in which it only rests; there "
+            "friction takes what other torques leave, so that neither says anything of what was "
+            "found: hold out a trial that moves it"
+        )
+    return lines
 
 
 def not_settled(outcome: Outcome) -> list[str]:

@@ -28,9 +28,11 @@ def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
     """Return the expected effort, (n, joints), with friction at rest as the trials show it.
 
     A stopped joint keeps a share of the friction that it stopped with: all of it if bristles or
-    clamped links hold, none if they slip back. The share is fitted to the rests of the fit trials;
-    where a share from the others predicts a trial's rests worse than friction that goes on with the
-    velocity, as that of a joint that creeps through a reversal does, the friction is left so.
+    clamped links hold, none if they slip back. Where it creeps back by more than they give way,
+    friction turns around (Dahl 1968), though its speed is none that counts. The share is fitted to
+    the rests of the fit trials; where a share from the others predicts a trial's rests worse than
+    friction that goes on with the velocity, as that of a joint that creeps through a reversal does,
+    the friction is left so.
     """
     recording = model.recording
     predicted = prediction(model, coefficients)

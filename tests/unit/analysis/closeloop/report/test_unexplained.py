@@ -1,9 +1,12 @@
 """What is left without a name: where a trial stands out, and what of it friction may be."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from analysis.closeloop.identification.balance.trial_error import TrialError
-from analysis.closeloop.report.unexplained import _in_motion, _where
+from analysis.closeloop.identification.findings import Errors
+from analysis.closeloop.report.unexplained import _in_motion, _where, at_rest_where_worse
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.rich import ELBOW
 
@@ -27,3 +30,16 @@ def test_where_a_joint_turns_its_friction_has_any_value(recording: Recording) ->
     turning = recording.turning(ELBOW)
     assert 0 < len(moving.time) < 1000
     assert np.array_equal(moving.time, recording.time[~turning])
+
+
+def test_an_error_that_grows_where_a_joint_only_rests_says_nothing_of_a_repair(
+    recording: Recording,
+) -> None:
+    """An opponent's joint with a cable: 0.06 Nm before, 0.46 Nm after, and not a word."""
+    whole = slice(0, len(recording.time))
+    small, large = (error(recording, whole, size) for size in (0.06, 0.46))
+    still = replace(recording, position=np.full_like(recording.position, 0.3), cache={})
+    (line,) = at_rest_where_worse(still, Errors(before=[small], after=[large]))
+    assert "elbow: its error grows, 0.06 to 0.46 Nm" in line and "hold out a trial" in line
+    assert at_rest_where_worse(still, Errors(before=[large], after=[small])) == []
+    assert at_rest_where_worse(recording, Errors(before=[small], after=[large])) == []
