@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from analysis.closeloop.identification.arms.motors import MOTOR
 from analysis.closeloop.identification.balance.accuracy import raw_errors
 from analysis.closeloop.identification.balance.luck import MIN_TORQUE, MIN_Z
 from analysis.closeloop.identification.balance.model import (
@@ -132,7 +133,13 @@ def _held(grown: Grown, rows: Rows, joint: int) -> Held | None:
     coefficients = np.array(grown.score.coefficients)
     sliding = float(recording.device.friction[joint])
     for term, own in model.split(coefficients):
-        if term.joint != joint or term.effect is None or not term.rubs or term.effect.winds:
+        if term.joint != joint or term.effect is None:
+            continue
+        if term.effect is MOTOR and 0 in term.kept:
+            # Its friction holds the joint, too, where it does not turn.
+            sliding += float(own[term.kept.index(0)])
+            own[term.kept.index(0)] = 0.0
+        if not term.rubs or term.effect.winds:
             continue
         if term.effect is not COULOMB:
             return None

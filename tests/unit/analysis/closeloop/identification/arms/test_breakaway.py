@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.breakaway import held_levels, with_breakaway
+from analysis.closeloop.identification.arms.breakaway import _held, held_levels, with_breakaway
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -29,10 +29,12 @@ SLOW = 0.02
 COULOMB = BY_NAME["coulomb_friction"]
 
 
-def to_and_fro(held: tuple[float, float], *, let_go: float = 0.0) -> Recording:
+def to_and_fro(held: tuple[float, float], *, let_go: float = 0.0, beside: float = 0.0) -> Recording:
     """An elbow that goes to and fro, and holds so much to either side at each end, Nm.
 
-    What holds it may let go some time before it leaves, s.
+    What holds it may let go some time before it leaves, s. A motor may rub beside, Nm, that turns
+    with the shoulder, too; that goes with the elbow, half as far again, and every other time
+    against it.
     """
     ways = 12
     s = np.linspace(0.0, 1.0, int(RATE * WAY), endpoint=False)
@@ -42,10 +44,14 @@ def to_and_fro(held: tuple[float, float], *, let_go: float = 0.0) -> Recording:
     arm = rich_elbow()
     position = np.tile(arm.position[0], (len(place), 1))
     position[:, ELBOW] += 0.8 * (place - 0.5)
+    if beside:
+        cycle = np.arange(len(place)) // (len(place) // ways)
+        position[:, 0] += 1.2 * place * np.where(cycle % 2, -1.0, 1.0)
     arm = moved(arm, position, RATE)
     speed = arm.velocity[:, ELBOW]
-    excess = max(min(held) - FRICTION, 0.0) * np.exp(-((speed / SLOW) ** 2))
+    excess = max(min(held) - beside - FRICTION, 0.0) * np.exp(-((speed / SLOW) ** 2))
     friction = (FRICTION + excess) * np.tanh(speed / 0.005)
+    friction += beside * np.tanh((speed + arm.velocity[:, 0]) / 0.005)
     rest = arm.resting(ELBOW, arm.slices[0])
     # It comes to rest in one direction, and its motor has turned before it leaves in the other.
     after = np.arange(len(place)) % int(RATE * (WAY + REST)) < int(RATE * (WAY + REST / 2))
@@ -125,6 +131,22 @@ def test_where_somebody_pushes_it_out_of_each_rest_nothing_tells_what_leaving_ta
     disturbed = np.zeros(arm.position.shape, dtype=bool)
     disturbed[:, ELBOW] = rest & ~np.roll(rest, -round(0.2 * RATE))
     assert named(replace(arm, disturbed=disturbed)) == {"coulomb_friction"}
+
+
+@pytest.mark.parametrize("excess", [0.0, 0.8])
+def test_a_motor_of_two_joints_holds_the_joint_too(excess: float) -> None:
+    """Of an opponent's 21 arms with one, five had Stribeck friction that was not there."""
+    held = (FRICTION + 0.7 + excess, FRICTION + 0.65 + excess)
+    arm = to_and_fro(held, beside=0.7)
+    motor, theta = BY_NAME["coupled_motor"], {"other_dof": 0.0, "sense": 1.0, "smooth": 0.004}
+    columns = motor.columns(unfitted(arm, ELBOW), theta)
+    term = Term(effect=motor, joint=ELBOW, columns=columns, lower=(0.0,), kept=(0,), theta=theta)
+    model, rows = Model(arm, terms=(coulomb(arm), term)), select_rows(arm, arm.fit_trials)
+    score = evaluate(model, rows)
+    assert score.coefficients == pytest.approx([FRICTION, 0.7], rel=0.1)
+    found = _held(Grown(model, score, ()), rows, ELBOW)
+    assert (found is not None) == (excess > 0.0)
+    assert found is None or found.level - found.sliding == pytest.approx(excess, rel=0.05)
 
 
 def test_what_somebody_pushed_is_no_breakaway() -> None:
