@@ -23,6 +23,7 @@ from analysis.closeloop.identification.arms.agreed import (
     SHARED,
     missed,
     missed_elsewhere,
+    shared_by_joints,
     sure,
 )
 from analysis.closeloop.identification.arms.gains import alike, with_gains
@@ -31,7 +32,7 @@ from analysis.closeloop.identification.arms.motors import with_other_joints
 from analysis.closeloop.identification.arms.plain_friction import with_plain_friction
 from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
-from analysis.closeloop.identification.arms.zeros import for_offsets, with_zeros
+from analysis.closeloop.identification.arms.zeros import ZERO, for_offsets, with_zeros
 from analysis.closeloop.identification.balance.declared import (
     declared_again,
     hung_again,
@@ -229,8 +230,16 @@ def pruned(model: Model, rows: Rows, links: Links) -> Model:
     fit = WholeFit(replace(model, given=None), rows, links)
     scored = fit.with_links if free else fit.alone
     kept = list(range(len(model.terms)))
+    whole = scored(kept)
+    for number, term in enumerate(model.terms):
+        # A wrong zero that was found before the links may stand for a centre of mass.
+        if free and term.candidate is not None and term.candidate.effect is ZERO:
+            without = scored([other for other in kept if other != number])
+            if not shared_by_joints(without, whole, rows):
+                kept.remove(number)
+                whole = without
     # Effects are asked for in what the best fit so far leaves: each of many may take a little.
-    whole = best = scored(kept)
+    best = whole
     while True:
         weakest: dict[int, tuple[float, int]] = {}
         for number in kept:

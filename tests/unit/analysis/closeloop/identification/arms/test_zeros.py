@@ -14,6 +14,8 @@ from analysis.closeloop.identification.arms.robot import (
     weighed,
     with_ordinary,
 )
+from analysis.closeloop.identification.arms.shared import with_links
+from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.arms.zeros import IMITATE, for_offsets, with_zeros
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
@@ -46,6 +48,19 @@ def test_a_wrong_zero_is_asked_of_all_joints_at_once_and_only_if_there_is_one(
     assert [term.joint for term in zeros] == ([ELBOW] if offset else [])
     assert all(set(term.columns) == set(arm.joints) for term in zeros)
     assert all(term.theta["offset"] == pytest.approx(offset, rel=0.1) for term in zeros)
+
+
+def test_a_zero_goes_that_only_stood_for_a_centre_of_mass() -> None:
+    """It is asked for first, and links that are fitted anew without it predict as well."""
+    still = rich_recording(20)
+    links = [0.4 * still.mass_torque(joint, np.array([0.1, 0.0, -0.15])) for joint in still.joints]
+    arm = arm_of(still.inverse + sum(links), still)
+    rows = weighed(Model(arm), select_rows(arm, (0,)))
+    model = with_zeros(with_ordinary(Model(arm), rows), rows, links_of(arm))
+    assert (ZERO, ELBOW) in {candidate.key for candidate in model.effects}
+    free = WholeFit(model, rows, links_of(arm)).with_links(range(len(model.terms)))
+    left = pruned(with_links(model, links_of(arm), free.links), rows, links_of(arm))
+    assert {candidate.effect.name for candidate in left.effects} == {"link_inertia"}
 
 
 def test_a_gain_stands_for_the_inertia_and_friction_that_do_the_same_together() -> None:
