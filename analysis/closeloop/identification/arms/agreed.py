@@ -60,9 +60,12 @@ def shared_by_joints(alone: Predicted, other: Predicted, rows: Rows) -> bool:
     """
     gain = alone.loss - other.loss
     matters = MIN_TORQUE**2 * sum(rows.effort_power(joint) for joint in rows.samples)
-    if gain <= max(MIN_GAIN * alone.loss, matters) or not sure(
-        alone.losses, other.losses, rows.fold_of_block
-    ):
+    return gain > max(MIN_GAIN * alone.loss, matters) and better_for_all(alone, other, rows)
+
+
+def better_for_all(alone: Predicted, other: Predicted, rows: Rows) -> bool:
+    """Whether a fit predicts better by more than luck, however little, and no joint worse."""
+    if not sure(alone.losses, other.losses, rows.fold_of_block):
         return False
     for joint in rows.joints:
         own = rows.joint_of_block == joint

@@ -32,7 +32,7 @@ from analysis.closeloop.identification.arms.motors import with_other_joints
 from analysis.closeloop.identification.arms.plain_friction import with_plain_friction
 from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
-from analysis.closeloop.identification.arms.zeros import ZERO, for_offsets, with_zeros
+from analysis.closeloop.identification.arms.zeros import ZERO, for_offsets, for_rare, with_zeros
 from analysis.closeloop.identification.balance.declared import (
     declared_again,
     hung_again,
@@ -115,7 +115,7 @@ def _traced(
         progress(f"{name}: what else")
         model, steps = with_rare(model, rows, joint)
         found |= steps
-    model = with_other_joints(model, rows)
+    model = with_other_joints(for_rare(model, rows, found.keys()), rows)
     if found:
         progress("all joints together")
         bare = with_ordinary(model.keeping(lambda c: c.effect.name not in SHARED), rows)

@@ -1,8 +1,8 @@
 """Wrong zeros of encoders: the links are elsewhere than thought, which every joint feels."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-from analysis.closeloop.identification.arms.agreed import shared_by_joints
+from analysis.closeloop.identification.arms.agreed import better_for_all, shared_by_joints
 from analysis.closeloop.identification.arms.links import Links
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
@@ -47,6 +47,22 @@ def for_offsets(model: Model, rows: Rows) -> Model:
     best, score = min(found, key=lambda pair: pair[1].loss)
     better, error = compare(evaluate(model, rows).losses, score.losses)
     return best if better > (error if len(gone) == 1 else -error) else model
+
+
+def for_rare(model: Model, rows: Rows, rare: Iterable[tuple[str, int]]) -> Model:
+    """Put a wrong zero in the place of what is rare at one joint, if left-out groups prefer it.
+
+    Beside nothing a little one gains less than a name has to, and backlash or a coupling of the
+    joint that shows it most then stands for it.
+    """
+    for candidate in model.effects:
+        if candidate.key not in rare or candidate.effect.rubs:
+            continue
+        current, zeros = evaluate(model, rows), _zeros(model.without(candidate), rows)
+        found = [(m, s) for m, s in zeros if better_for_all(current, s, rows)]
+        if found:
+            model, _ = min(found, key=lambda pair: pair[1].loss)
+    return model
 
 
 def _zeros(model: Model, rows: Rows) -> Iterator[tuple[Model, Score]]:

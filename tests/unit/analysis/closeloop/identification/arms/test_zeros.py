@@ -16,10 +16,23 @@ from analysis.closeloop.identification.arms.robot import (
 )
 from analysis.closeloop.identification.arms.shared import with_links
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
-from analysis.closeloop.identification.arms.zeros import IMITATE, for_offsets, with_zeros
-from analysis.closeloop.identification.balance.model import Model, evaluate
+from analysis.closeloop.identification.arms.zeros import (
+    IMITATE,
+    for_offsets,
+    for_rare,
+    with_zeros,
+)
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    Term,
+    evaluate,
+    unfitted,
+    with_independent,
+)
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 from tests.testbed.sessions.upright import joint_by_joint
@@ -121,3 +134,27 @@ def test_offsets_that_no_zero_explains_stay(tmp_path: Path) -> None:
     rows = weighed(Model(arm), select_rows(arm, arm.fit_trials))
     offsets = pruned(with_ordinary(Model(arm), rows), rows, links_of(arm))
     assert for_offsets(offsets, rows) is offsets and len(offsets.effects) == 3
+
+
+@pytest.mark.parametrize("slack", [False, True])
+def test_a_zero_stands_for_what_is_rare_at_one_joint_if_all_go_better_with_it(slack: bool) -> None:
+    """It may be too little for a name; backlash of the joint that shows it most stood for it."""
+    still = rich_recording(20)
+    effort, offset = np.array(still.inverse), 0.1
+    backlash, joint = BY_NAME["backlash"], unfitted(still, ELBOW)
+    theta = backlash.thetas(joint)[-1]
+    if slack:
+        effort[:, [ELBOW]] += 0.1 * backlash.columns(joint, theta)[ELBOW]
+    else:
+        effort -= offset * still.secant(ELBOW, -offset, moving=True)
+    arm = arm_of(effort, still)
+    rows = weighed(Model(arm), select_rows(arm, (0,)))
+    rare = Candidate(effect=backlash, joint=ELBOW)
+    columns = backlash.columns(unfitted(arm, ELBOW), theta)
+    term = Term(effect=backlash, joint=ELBOW, columns=columns, theta=theta, candidate=rare)
+    found = with_independent(with_ordinary(Model(arm), rows), term, rows)
+    model = for_rare(found, rows, [rare.key])
+    zeros = {candidate.joint for candidate in model.effects if candidate.effect.name == ZERO}
+    assert zeros == (set() if slack else {ELBOW}) and (rare in model.effects) == slack
+    # What was there before, or declared, is not in question.
+    assert for_rare(found, rows, []) is found
