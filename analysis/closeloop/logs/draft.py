@@ -149,11 +149,14 @@ def joints_in(model: Path) -> list[str]:
         root = ElementTree.parse(model).getroot()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise SessionError(f"is no XML: {error}", file=model.name) from None
-    return [
-        joint.get("name", "")
-        for joint in root.iter("joint")
-        if joint.get("name") and joint.get("type", "hinge") not in ("fixed", "free", "ball")
-    ]
+    # A URDF names them again in its transmissions.
+    return list(
+        dict.fromkeys(
+            joint.get("name", "")
+            for joint in root.iter("joint")
+            if joint.get("name") and joint.get("type", "hinge") not in ("fixed", "free", "ball")
+        )
+    )
 
 
 def write_session(
@@ -216,6 +219,13 @@ def write_session(
                 f"{belief.channel.name} is taken for {name} in {unit}; if it is not, say "
                 f"'{belief.channel.name}={name}*FACTOR_TO_SI'"
             )
+    remarks += [
+        f"{belief.channel.name} is a current, and taken for {name} as it is, 1 Nm an ampere: no "
+        f"torque, mass or stiffness found is right before you say '{belief.channel.name}={name}"
+        "*NM_PER_AMPERE'"
+        for name, belief in taken.items()
+        if belief.quantity == "current"
+    ]
     table = np.column_stack([time, *(b.scale * b.channel.values for b in taken.values())])
     whole = np.isfinite(table).all(axis=1)
     if not whole.all():

@@ -11,6 +11,7 @@ from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.draft import (
     assigned,
     joint_names,
+    joints_in,
     of_other_joints,
     write_session,
 )
@@ -91,6 +92,14 @@ def test_a_model_names_the_joints_of_a_log_without_names_and_is_copied(tmp_path:
     assert "shoulder.position" in table(tmp_path / "s" / "log.csv")[0]
 
 
+def test_a_joint_that_a_transmission_names_again_is_one_joint(tmp_path: Path) -> None:
+    """A UR10e's URDF had twelve, so that its log's six had numbers for names."""
+    joint = '<joint name="elbow" type="revolute"/>'
+    drive = '<transmission><joint name="elbow"/></transmission>'
+    (tmp_path / "arm.urdf").write_text(f"<robot>{joint}{drive}</robot>")
+    assert joints_in(tmp_path / "arm.urdf") == ["elbow"]
+
+
 def test_a_clock_can_be_named(tmp_path: Path) -> None:
     log = Log(
         kind="CSV",
@@ -154,3 +163,12 @@ def test_a_name_that_ends_as_one_joint_of_the_model_does_means_that(tmp_path: Pa
     (said,) = of_other_joints(joint_names(found, ["elbow"]), ["elbow"])
     assert said.startswith("the model has no joint joint_states_j_1, ") and "but elbow" in said
     assert of_other_joints(["j1"], ["j1", "j2"]) == []
+
+
+def test_a_current_that_nobody_gave_a_factor_is_told_as_no_torque(tmp_path: Path) -> None:
+    """It was taken for Nm without a word, and Coulomb friction of 0.8 Nm came out as 0.53."""
+    arrays = {"time_s": TIME, "elbow_pos_rad": np.sin(TIME), "elbow_current_A": np.cos(TIME)}
+    log = Log(kind="CSV", channels=[Channel(name=n, values=v) for n, v in arrays.items()])
+    chosen = believe(log)
+    remarks = write_session(tmp_path / "s", "log", chosen, joint_names(chosen))
+    assert "say 'elbow_current_A=elbow.effort*NM_PER_AMPERE'" in remarks[0]
