@@ -4,12 +4,22 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
+from rich.console import Console
 from rich.table import Column, Table
 
 #: Indices that tables leave out: others say more, or bound the same from closer by.
 LEFT_OUT = ("mu", "full_total_order", "independent_first_order")
 #: What ranks the factors, most influential first.
 RANKED_BY = ("mu_star", "total_order", "shapley")
+
+
+#: Columns that no table needs.
+ANY_WIDTH = 10_000
+
+
+def whole_console(*, stderr: bool = False) -> Console:
+    """Return a console that cuts no number: a narrow terminal breaks lines, a pipe keeps them."""
+    return Console(stderr=stderr, soft_wrap=True, width=ANY_WIDTH)
 
 
 def plain_table(*columns: str, title: str | None = None, caption: str | None = None) -> Table:

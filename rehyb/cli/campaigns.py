@@ -206,12 +206,10 @@ def _display(stack: ExitStack, *, live: bool) -> "LiveDisplay | LineDisplay":
 
 def _ask(plan: Plan, display: "LiveDisplay | LineDisplay", proposed: Proposed) -> str | None:
     """Show what phase 1 found on stderr, and ask what to fix."""
-    from rich.console import Console
-
-    from rehyb.display import indices_table
+    from rehyb.display import indices_table, whole_console
 
     with display.paused():
-        console = Console(stderr=True, soft_wrap=True)
+        console = whole_console(stderr=True)
         console.print(indices_table(proposed.snapshot, plan.output, "Phase 1"))
         console.print(proposed.evidence, markup=False)
         question = (
@@ -233,11 +231,10 @@ def _ask(plan: Plan, display: "LiveDisplay | LineDisplay", proposed: Proposed) -
 
 
 def _print(report: Report) -> None:
-    from rich.console import Console
-
     from rehyb.campaign.display import report_parts
+    from rehyb.display import whole_console
 
     # Paths and sentences are for copying: they are not to be broken at a terminal's edge.
-    console = Console(soft_wrap=True)
+    console = whole_console()
     for part in report_parts(report):
         console.print(part)

@@ -49,12 +49,10 @@ def _answer(file: Path, outputs: list[str] | None, factors: list[str] | None) ->
 
 
 def _print(found: Json) -> None:
-    from rich.console import Console
-
     from analysis.sensitivity.estimators import SYMBOLS
-    from rehyb.display import plain_table
+    from rehyb.display import plain_table, whole_console
 
-    console = Console(soft_wrap=True)
+    console = whole_console()
     for output, told in found["outputs"].items():
         designed = {SYMBOLS.get(name, name): told["design"][name] for name in told["design"]}
         measured = {

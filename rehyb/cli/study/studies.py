@@ -259,12 +259,16 @@ def _described(study: Json, given: dict[str, Any]) -> Json:
 
 
 def _print_indices(snapshot: Json, progress: Json, target: float | None) -> None:
-    from rich.console import Console
-
     from analysis.sensitivity.remarks import remarks, warning
-    from rehyb.display import indices_table, left_in_words, pairs_table, spread_table
+    from rehyb.display import (
+        indices_table,
+        left_in_words,
+        pairs_table,
+        spread_table,
+        whole_console,
+    )
 
-    console = Console()
+    console = whole_console()
     seen, complete = snapshot["rows_complete"], progress["rows_complete"]
     behind = f"; the indices are of {seen} of them" if seen < complete else ""
     console.print(f"{complete} of {progress['rows']} rows are complete{behind}")

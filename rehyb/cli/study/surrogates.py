@@ -31,10 +31,8 @@ def surrogate(client: Client, study: StudyId, output: Output = None) -> Answer:
 
 
 def _print(found: Any, snapshot: Json) -> None:
-    from rich.console import Console
-
     from analysis.designs import family
-    from rehyb.display import plain_table, statistic
+    from rehyb.display import plain_table, statistic, whole_console
 
     fits = {f"{name}: S, ST": fit for name, fit in found.fits().items()}
     sampled = snapshot["outputs"][found.output]["factors"]
@@ -50,6 +48,6 @@ def _print(found: Any, snapshot: Json) -> None:
         )
     table.add_section()
     table.add_row("held out", *(f"{max(fit.held_out, 0.0):.1%} explained" for fit in fits.values()))
-    console = Console(soft_wrap=True)
+    console = whole_console()
     console.print(table)
     console.print(found.sentence, markup=False)

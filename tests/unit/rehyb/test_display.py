@@ -1,0 +1,19 @@
+"""Tables on narrow terminals and in pipes lose no number."""
+
+import pytest
+
+from rehyb.display import plain_table, whole_console
+
+
+def test_a_table_is_not_cut_where_eighty_columns_are_too_few(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A study's indices were `0.618 [0.51, 0.…` in a file, and `rehyb validate` had no numbers."""
+    monkeypatch.setenv("COLUMNS", "80")
+    table = plain_table("factor", "S", "ST", title="of stiffness_error")
+    numbers = "0.618 [0.512, 0.724]", "0.701 [0.598, 0.804] of a sentence that goes on and on"
+    table.add_row("upper_arm_length_of_the_wearer", *numbers)
+    whole_console().print(table)
+    lines = capsys.readouterr().out.splitlines()
+    assert any(all(number in line for number in numbers) for line in lines)
+    assert lines[0].rstrip() == "of stiffness_error"
