@@ -35,7 +35,11 @@ def folders_in(paths: Sequence[Path]) -> Iterator[ModelFolder]:
         if not found:
             raise ModelError(f"there is no such file in {path}, nor in a folder in it")
         for folder in found:
-            yield read_folder(folder)
+            try:
+                yield read_folder(folder)
+            except ModelError as error:
+                # Of many models it is this one.
+                raise ModelError(error.detail, file=str(folder / error.file)) from None
 
 
 @dataclass(kw_only=True)

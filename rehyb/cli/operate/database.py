@@ -71,6 +71,7 @@ def copy(
         from server.store import create_engine, upgrade
         from server.store.copying import copy as copied
 
+    _check_there(_url())
     counts: dict[str, int] = {}
     with in_one_sentence(), instance_lock(_url()), opened() as source:
         try:
@@ -107,6 +108,8 @@ def opened(*, upgraded: bool = False, stop: threading.Event | None = None) -> It
     with in_one_sentence():
         if upgraded:
             upgrade(url)
+        elif stop is None:
+            _check_there(url)
         engine = create_engine(url)
         try:
             if stop is None:
@@ -116,6 +119,16 @@ def opened(*, upgraded: bool = False, stop: threading.Event | None = None) -> It
             yield engine
         finally:
             engine.dispose()
+
+
+def _check_there(url: str) -> None:
+    """Raise RehybError if a SQLite database is nowhere: opening it would make an empty one."""
+    file = url.removeprefix("sqlite:///")
+    if file != url and not Path(file).exists():
+        raise RehybError(
+            f"there is no database {Path(file).absolute()}: set REHYB_DATABASE_URL, as in "
+            "sqlite:///.rehyb/rehyb.sqlite3, where `rehyb up` keeps it"
+        )
 
 
 def _url() -> str:

@@ -187,6 +187,19 @@ def test_a_database_that_cannot_be_opened_is_one_sentence(
     )
 
 
+@pytest.mark.parametrize(
+    "command", [("check",), ("backup", "copy.sqlite3"), ("copy", "sqlite:///b")]
+)
+def test_no_empty_database_is_made_to_be_backed_up(
+    run: Run, command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside a coordinator of `rehyb up` that printed: back up a database of nothing."""
+    monkeypatch.chdir(tmp_path)
+    status, _, err = run("db", *command)
+    assert status == 1 and "there is no database" in err and ".rehyb/rehyb.sqlite3" in err
+    assert not list(tmp_path.glob("*.sqlite3"))
+
+
 def test_every_command_explains_itself_and_has_a_json_form(run: Run) -> None:
     for command in (
         "study submit",
