@@ -76,9 +76,9 @@ def needs_extra(what: str, extra: str) -> Iterator[None]:
 
 
 def check_pictures() -> None:
-    """Raise RehybError unless what draws and writes a report is installed."""
+    """Raise RehybError unless what draws pictures and writes pages is installed."""
     if None in map(find_spec, ("matplotlib", "jinja2")):
-        raise RehybError("the report needs pictures: pip install 'rehyb[figures]'")
+        raise RehybError("pictures need matplotlib and jinja2: pip install 'rehyb[figures]'")
 
 
 @contextmanager

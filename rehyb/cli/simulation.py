@@ -12,7 +12,7 @@ import typer
 
 from rehyb.cli.answers import Answer, answering
 from rehyb.cli.options import assignments, factor_value, number, optional, read_json
-from rehyb.errors import RehybError
+from rehyb.errors import RehybError, check_pictures
 
 if TYPE_CHECKING:
     from models.factors import Factor
@@ -67,6 +67,8 @@ def assess(
     """
     from sim.assessment.assess import assess as simulate
 
+    if plot is not None:
+        check_pictures()
     values, setting = _parameters(replay, settings or (), outside_range)
     setting = {"target": target, "fidelity": fidelity, "device": device} | setting
     try:
@@ -99,6 +101,7 @@ def validate(
     from analysis.reports.validation import write_validation
     from sim.validation import validate as repeat
 
+    check_pictures()
     report = repeat(out)
     rows = [asdict(row) for row in report.rows]
     page = write_validation(out / "validation.html", rows, report.pictures)
@@ -215,9 +218,7 @@ def _lines(assessment: "Assessment") -> Iterator[str]:
 
 
 def _print_validation(report: Any, page: Path) -> None:
-    from rich.console import Console
-
-    from rehyb.display import plain_table
+    from rehyb.display import plain_table, whole_console
 
     table = plain_table("quantity", "measured", "expected", "unit", "")
     for row in report.rows:
@@ -228,7 +229,7 @@ def _print_validation(report: Any, page: Path) -> None:
             row.unit,
             "agrees" if row.agrees else "differs",
         )
-    console = Console(soft_wrap=True)
+    console = whole_console()
     console.print(table)
     for file in (page, *report.pictures):
         console.print(str(file))
