@@ -52,9 +52,9 @@ def settled(model: Model, coefficients: np.ndarray) -> np.ndarray:
         # A trial may lack the joint's effort.
         fitted &= np.isfinite(recording.effort[:, joint])
         missing = recording.effort[fitted, joint] - predicted[fitted, joint] + sliding[fitted]
-        own = unfitted(recording, joint)
-        longest = PRESLIDING_SHARE * own.travel[1]
-        laws = [held, *(np.abs(held) * own.wound(share * longest) for share in WAYS)]
+        recorded = unfitted(recording, joint)
+        longest = PRESLIDING_SHARE * recorded.travel[1]
+        laws = [held, *(np.abs(held) * recorded.wound(share * longest) for share in WAYS)]
         course = _best(laws, sliding, missing, fitted, recording.trial)
         if course is None:
             continue
