@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.link_torque import ChainMotion, chain_motion
-from analysis.closeloop.session.runs import holds, rests, runs
+from analysis.closeloop.session.runs import holds, rests, runs, since_reversal, turning
 from analysis.closeloop.session.signals import (
     FLICKERS,
     LEAST_MEASURED,
@@ -264,16 +264,10 @@ class Recording:
 
         A rest keeps the direction before it: it is no reversal yet.
         """
-        out = np.zeros(len(self.time))
-        for piece in self.slices:
-            v = self.velocity[piece, joint]
-            sign = np.sign(v) * (np.abs(v) > self.rest_speed[joint])
-            known = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
-            sign = sign[known]
-            turned = np.concatenate([[True], np.diff(sign) != 0])
-            last = np.maximum.accumulate(np.where(turned, np.arange(len(sign)), 0))
-            out[piece] = sign * (np.arange(len(sign)) - last) / self.rate
-        return out
+        rest_speed = float(self.rest_speed[joint])
+        return self._by_piece(
+            self.velocity[:, joint], lambda piece: since_reversal(piece, rest_speed, self.rate)
+        )
 
     def movement_seconds(self, joint: int) -> float:
         """Return how long a joint goes on in one direction, s: the median of the time it takes.
@@ -300,13 +294,7 @@ class Recording:
 
     def turns(self, velocity: np.ndarray, rest_speed: float) -> np.ndarray:
         """Return where what goes at a velocity, (n,), rests or changes direction, (n,)."""
-
-        def of_piece(own: np.ndarray) -> np.ndarray:
-            turning = np.abs(own) < rest_speed
-            turning[1:] |= np.diff(np.sign(own)) != 0
-            return np.asarray(turning)
-
-        return self._by_piece(velocity, of_piece)
+        return self._by_piece(velocity, lambda piece: turning(piece, rest_speed))
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """Pass columns (n, ...) through the fit's low-pass, piece by piece, as the effort."""

@@ -1,4 +1,4 @@
-"""Runs of samples: where a mask is true, an effort stays at its limit, or a joint rests."""
+"""Runs of samples: where a mask is true, an effort stays at its limit, a joint rests or turns."""
 
 from collections.abc import Iterator
 
@@ -71,6 +71,23 @@ def rests(velocity: np.ndarray, rest_speed: float, rate: float) -> np.ndarray:
     for run in runs(still):
         found[run] = (run.stop - run.start) / rate > REST
     return found
+
+
+def since_reversal(velocity: np.ndarray, rest_speed: float, rate: float) -> np.ndarray:
+    """Return the time since a joint last changed direction, s, with that direction's sign, (n,)."""
+    sign = np.sign(velocity) * (np.abs(velocity) > rest_speed)
+    known = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+    sign = sign[known]
+    turned = np.concatenate([[True], np.diff(sign) != 0])
+    last = np.maximum.accumulate(np.where(turned, np.arange(len(sign)), 0))
+    return np.asarray(sign * (np.arange(len(sign)) - last) / rate)
+
+
+def turning(velocity: np.ndarray, rest_speed: float) -> np.ndarray:
+    """Return where a joint rests or changes direction, (n,)."""
+    found = np.abs(velocity) < rest_speed
+    found[1:] |= np.diff(np.sign(velocity)) != 0
+    return np.asarray(found)
 
 
 def holds(position: np.ndarray, resting: np.ndarray, rate: float) -> list[slice]:
