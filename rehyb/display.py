@@ -11,8 +11,6 @@ from rich.table import Column, Table
 LEFT_OUT = ("mu", "full_total_order", "independent_first_order")
 #: What ranks the factors, most influential first.
 RANKED_BY = ("mu_star", "total_order", "shapley")
-
-
 #: Columns that no table needs.
 ANY_WIDTH = 10_000
 

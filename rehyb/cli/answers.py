@@ -99,15 +99,11 @@ def print_json(content: Any) -> None:
     print(json_text(content), flush=True)
 
 
-#: Characters that no table needs.
-ANY_WIDTH = 10_000
-
-
 def print_rows(columns: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> None:
     """Print what `rows` have under `columns`: a table, or where that is too wide lines."""
     from rich.console import Console
 
-    from rehyb.display import plain_table
+    from rehyb.display import ANY_WIDTH, plain_table
 
     console = Console()
     table = plain_table(*columns)

@@ -1,6 +1,6 @@
 """Wrong zeros of encoders: the links are elsewhere than thought, which every joint feels."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator
 
 from analysis.closeloop.identification.arms.agreed import better_for_all, shared_by_joints
 from analysis.closeloop.identification.arms.links import Links
@@ -49,7 +49,7 @@ def for_offsets(model: Model, rows: Rows) -> Model:
     return best if better > (error if len(gone) == 1 else -error) else model
 
 
-def for_rare(model: Model, rows: Rows, rare: Iterable[tuple[str, int]]) -> Model:
+def for_rare(model: Model, rows: Rows, rare: Collection[tuple[str, int]]) -> Model:
     """Put a wrong zero in the place of what is rare at one joint, if left-out groups prefer it.
 
     Beside nothing a little one gains less than a name has to, and backlash or a coupling of the
