@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
+from analysis.closeloop.identification.arms.carried import supposing_loads
 from analysis.closeloop.identification.arms.skew import synchronised
 from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
@@ -56,12 +57,13 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     if _rests(recording):
         return still_answer(recording, find_events(Model(recording), recording))
     recording, skewed = synchronised(recording)
+    recording = supposing_loads(recording)
     found = trace(recording, progress)
     progress("torque that is local in time")
     known = wound_up(found)
     loads = unnamed_loads(known)
     # What a load takes is no push, and a push beside it is not seen before the load is known.
-    carrying = {load.trial for load in loads}
+    carrying = {load.trial for load in loads if not load.fitted}
     events = tuple(e for e in find_events(known.model, recording) if e.trial not in carrying)
     if events:
         # What somebody pushed is no reason to name an effect, nor to bend a stiffness.

@@ -182,6 +182,8 @@ class Carried:
     felt: tuple[int, ...]
     #: Of what is left of the trial without it, the part that it takes.
     share: float
+    #: Whether it was fitted as if the trial had named it.
+    fitted: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -112,7 +112,7 @@ def _carry_alike(recording: Recording, first: slice, later: int, loads: Sequence
     one, other = (int(recording.trial[at]) for at in (first.start, first.start + later))
     trials = recording.session.trials
     hung = [(trials[n].payload, trials[n].added_mass) for n in (one, other)]
-    unnamed = {load.trial for load in loads}
+    unnamed = {load.trial for load in loads if not load.fitted}
     return one == other or (hung[0] == hung[1] and not unnamed.intersection((one, other)))
 
 

@@ -1,8 +1,8 @@
 """Trials that carry something the others do not, though nobody said so.
 
-A log with a tool or a weight in the hand, among logs without, leaves a torque that no effect of the
-robot explains. It is looked for as if the trial had named a payload (Swevers, Verdonck and De
-Schutter 2007 identify a load from what it adds to the bare arm's torque), and the user is asked.
+Fitted trials are asked before anything else (`identification.arms.carried`). Here what is left of
+the others, held-out ones among them, is looked at as if they had named a payload, and the user is
+asked.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,7 +12,8 @@ from functools import partial
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import sure
-from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.carried import MOST
+from analysis.closeloop.identification.arms.links import last_links, links_of
 from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import with_load
@@ -23,8 +24,6 @@ from analysis.closeloop.identification.findings import Carried, Trace
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
 
-#: Share of what is left of a trial that a load must take away: most of it.
-MOST = 0.5
 #: Of a load's torque, the columns of its mass and its first moments: the others are small.
 MOMENTS = 4
 #: By how much a joint's error may grow, by chance, where joints share a load.
@@ -47,7 +46,7 @@ def unnamed_loads(trace: Trace) -> tuple[Carried, ...]:
     model, coefficients = trace.fits[1]
     left = model.target(rows) - model.base(rows)[0] @ coefficients
     seen: dict[int, tuple[float, HungLoad]] = {}
-    for body, name in _last_links(recording):
+    for body, name in last_links(recording).items():
         torque = recording.link_torque(body)
         columns = {joint: torque[:, joint, :MOMENTS] for joint in recording.joints}
         load = rows.stack(model.transformed(columns), MOMENTS)
@@ -56,7 +55,10 @@ def unnamed_loads(trace: Trace) -> tuple[Carried, ...]:
             if share > seen.get(number, (0.0,))[0]:
                 seen[number] = share, HungLoad(name=f"of trial {number + 1}", body=name)
     # What every trial carries is the robot's own.
-    if not seen or len(seen) == len(np.unique(rows.trial)):
+    supposed = [n for n, t in enumerate(trials) if t.payload is not None and t.payload.supposed]
+    if len(seen) + len(supposed) == len(np.unique(rows.trial)):
+        seen = {}
+    if not (seen or supposed):
         return ()
     return tuple(sorted(_weighed(model, trace.rows, seen), key=lambda load: load.trial))
 
@@ -107,24 +109,10 @@ def _share(left: np.ndarray, load: np.ndarray, rows: Rows, number: int) -> float
     return share if share > MOST else 0.0
 
 
-def _last_links(recording: Recording) -> Iterator[tuple[int, str]]:
-    """Yield number and name of the links that carry no other: what a hand holds hangs there."""
-    model, links = recording.device.model, links_of(recording)
-    carry = set()
-    for body in links.bodies:
-        parent = int(model.body_parentid[body])
-        while parent > 0:
-            carry.add(parent)
-            parent = int(model.body_parentid[parent])
-    for body, name in zip(links.bodies, links.names, strict=True):
-        if body not in carry:
-            yield body, name
-
-
 def _weighed(
     model: Model, fitted: Rows, seen: Mapping[int, tuple[float, HungLoad]]
 ) -> Iterator[Carried]:
-    """Yield the loads as they would be fitted, all at once, if their trials named them.
+    """Yield the loads as they would be fitted, all at once, if their trials named them: or are.
 
     Beside them the links are free again, if they were fitted: they hold a part of a load where its
     trial was fitted as if it carried nothing.
@@ -144,15 +132,15 @@ def _weighed(
     every = range(len(model.terms))
     scored = fit.with_links(every) if free else fit.alone(every)
     spread = Spread(fit, links=free)
-    found = {load.name: (number, share) for number, (share, load) in seen.items()}
+    shares = {load.name: share for share, load in seen.values()}
     for place, (term, own) in enumerate(model.split(scored.coefficients)):
-        if term.load is None or term.load.name not in found:
+        if term.load is None or not (term.load.supposed or term.load.name in shares):
             continue
         value = mass_and_place(model, term, own[None])[0]
         if value[0] <= NO_MASS:
             continue
         carried = Carried(
-            trial=found[term.load.name][0],
+            trial=0,
             body=term.load.body,
             joint=term.joint,
             value=value,
@@ -160,11 +148,14 @@ def _weighed(
             moments=value[0] * value[1:],
             half_moments=spread.of_term(place, own, partial(_moments, model, term)),
             felt=term.kept,
-            share=found[term.load.name][1],
+            share=term.load.supposed or shares[term.load.name],
+            fitted=term.load.supposed > 0.0,
         )
         far = float(np.linalg.norm(value[1:])) > recording.reach(term.joint)
-        if not far or carried.half[0] >= value[0]:
-            yield carried
+        if carried.fitted or not far or carried.half[0] >= value[0]:
+            for number, trial in enumerate(trials):
+                if trial.payload == term.load:
+                    yield replace(carried, trial=number)
 
 
 def _moments(model: Model, term: Term, own: np.ndarray) -> np.ndarray:

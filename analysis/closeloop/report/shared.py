@@ -97,9 +97,12 @@ def link_values(model: Model) -> dict[str, Any]:
 
 def unnamed_load_entries(recording: Recording, loads: Sequence[Carried]) -> list[dict[str, Any]]:
     """Return the loads that trials seem to carry without naming them."""
-    entries = []
+    entries: list[dict[str, Any]] = []
+    names: dict[tuple[float, ...], str] = {}
     for load in loads:
         trial = recording.session.trials[load.trial]
+        # One load of several trials has one name.
+        name = names.setdefault(tuple(load.value), f"load {len(names) + 1}")
         reach = recording.reach(load.joint)
         entries.append(
             {
@@ -107,10 +110,12 @@ def unnamed_load_entries(recording: Recording, loads: Sequence[Carried]) -> list
                 "from": float(trial.time[0]),
                 "to": float(trial.time[-1]),
                 "body": load.body,
+                "name": name,
                 "mass": mass_entry(load.value[0], load.half[0]),
                 "position": place_entry(load.value, load.half, load.felt, reach),
                 "moments": moments_entry(load),
                 "takes": load.share,
+                "fitted": load.fitted,
             }
         )
     return entries
@@ -147,9 +152,13 @@ def of_unnamed_loads(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a warning for every load that a trial seems to carry, with what to declare."""
     return [
         f"{entry['file']}: it looks as if {_weight(entry)} hung at {entry['body']} that other "
-        f'trials do not carry; if so, give the trial "payload": {{"name": "load", "body": '
-        f'"{entry["body"]}"}} and close the loop again: until then its errors, and where it was '
-        "fitted the links too, are wrong"
+        f'trials do not carry; if so, give the trial "payload": {{"name": "{entry["name"]}", '
+        f'"body": "{entry["body"]}"}} and close the loop again: '
+        + (
+            "the errors here, before and after, allow for it"
+            if entry["fitted"]
+            else "until then its errors are wrong"
+        )
         for entry in entries
     ]
 
@@ -168,7 +177,7 @@ def payload_entries(
     fits: tuple[tuple[Model, np.ndarray], tuple[Model, np.ndarray]], rows: Rows
 ) -> list[dict[str, Any]]:
     """Return mass and place of every payload that trials name, before and after the repair."""
-    if not any(term.load for term in fits[0][0].terms):
+    if not any(term.load and not term.load.supposed for term in fits[0][0].terms):
         return []
     before, after = (_payloads(model, coefficients, rows) for model, coefficients in fits)
     entries = []
@@ -190,7 +199,7 @@ def _payloads(
     spread = Spread(fit, links=model.given is not None)
     found = {}
     for number, (term, own) in enumerate(model.split(coefficients)):
-        if term.load is None:
+        if term.load is None or term.load.supposed:
             continue
         value = mass_and_place(model, term, own[None])[0]
         half = spread.of_term(number, own, partial(mass_and_place, model, term))

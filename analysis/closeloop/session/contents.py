@@ -50,6 +50,9 @@ class HungLoad:
 
     name: str
     body: str
+    #: Of what is left of its trials without it the part that it takes, if no trial named it but it
+    #: seems to hang there.
+    supposed: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -160,9 +160,21 @@ def _read_model(path: Path, name: str) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
             custom.set("data", custom.text)
             custom.text = None
     try:
-        return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode")), remarks
+        spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     except ValueError as error:
         raise _refused(error, name) from None
+    _name_bodies(spec)
+    return spec, remarks
+
+
+def _name_bodies(spec: mujoco.MjSpec) -> None:
+    """Give every body that has no name one after its joint: reports say what hangs where."""
+    taken = {body.name for body in spec.bodies}
+    for number, body in enumerate(spec.bodies):
+        if not body.name:
+            name = f"{body.joints[0].name}_link" if body.joints else f"body_{number}"
+            body.name = f"body_{number}" if name in taken else name
+            taken.add(body.name)
 
 
 def _leave_out_drawing(root: ElementTree.Element, name: str) -> None:

@@ -13,9 +13,11 @@ from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.rich import swung
 
 #: Two hinges that gravity loads, and a slide along the first's axis, which it does not.
-CHAIN = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
-<body pos=".2 0 0"><joint name="b" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
-<body pos=".2 0 0"><joint name="c" type="slide" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
+CHAIN = """<mujoco><worldbody>
+<body name="one"><joint name="a" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
+<body name="two" pos=".2 0 0"><joint name="b" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
+<body name="three" pos=".2 0 0">
+<joint name="c" type="slide" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
 </body></body></body></worldbody></mujoco>"""
 NOISE = 0.002
 

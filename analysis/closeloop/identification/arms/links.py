@@ -80,6 +80,19 @@ def links_of(recording: Recording) -> Links:
     )
 
 
+def last_links(recording: Recording) -> dict[int, str]:
+    """Return number and name of the links that carry no other: what a hand holds hangs there."""
+    model, links = recording.device.model, links_of(recording)
+    carry = set()
+    for body in links.bodies:
+        parent = int(model.body_parentid[body])
+        while parent > 0:
+            carry.add(parent)
+            parent = int(model.body_parentid[parent])
+    own = zip(links.bodies, links.names, strict=True)
+    return {body: name for body, name in own if body not in carry}
+
+
 def inertial_parameters(model: mujoco.MjModel, body: int) -> np.ndarray:
     """Return mass, first moments and inertia about the frame's origin of a body, (10,)."""
     frame = np.empty(9)

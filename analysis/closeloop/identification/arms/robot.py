@@ -134,8 +134,12 @@ def weighed(declared: Model, rows: Rows) -> Rows:
 
     Without those in which it sticks.
     """
-    links = links_of(declared.recording)
-    model = with_ordinary(declared, rows)
+    return weighed_by(with_ordinary(declared, rows), rows)
+
+
+def weighed_by(model: Model, rows: Rows) -> Rows:
+    """Return the rows weighed by what a model with ordinary friction and free links leave."""
+    links = links_of(model.recording)
     fit = WholeFit(model, rows, links)
     rows = sliding(model, rows, fit.with_links(range(len(model.terms))).left / rows.weight)
     for _ in range(2):

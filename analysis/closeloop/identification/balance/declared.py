@@ -148,7 +148,7 @@ def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:
     return model
 
 
-def _load(recording: Recording, load: HungLoad, place: np.ndarray) -> Term:
+def load_about(recording: Recording, load: HungLoad, place: np.ndarray) -> Term:
     """Return a term for a load that trials of the session name, about `place`, m, (3,)."""
     theta, chain = dict(zip(PLACE, place.tolist(), strict=True)), recording.device.model
     return Term(
@@ -170,7 +170,7 @@ def with_load(model: Model, rows: Rows, load: HungLoad) -> Model:
     """
 
     def at(place: np.ndarray) -> Model:
-        return with_independent(model, _load(model.recording, load, place), rows)
+        return with_independent(model, load_about(model.recording, load, place), rows)
 
     found = placed(at(np.zeros(3)), rows)
     if len(found.terms) == len(model.terms):

@@ -129,3 +129,16 @@ def test_no_joint_of_a_real_arm_is_predicted_worse_than_by_least_squares(tmp_pat
     # Weighed, not fitted: 2.805 kg (Mamedov and Mikhel 2020).
     low, high = report["declared"][0]["parameters"]["mass"]["ci90"]
     assert low < 2.805 < high
+
+
+def test_a_load_that_no_trial_names_is_weighed_and_asked_for(tmp_path: Path) -> None:
+    # One movement without and with it: the floor was 14.6 Nm, as if the load were noise.
+    assert MEASURED is not None
+    write_ur10e(tmp_path, MEASURED, {"pair_unloaded": "fit", "pair_loaded": "fit"})
+    report = close_loop(tmp_path, tmp_path / "out")
+    (load,) = report["unnamed_loads"]
+    assert (load["file"], load["body"]) == ("pair_loaded.csv", "wrist_3_link") and load["fitted"]
+    low, high = load["mass"]["ci90"]
+    assert low < 2.805 < high < 1.1 * low
+    assert report["floor"]["shoulder_lift_joint"]["value"] < 5.0
+    assert any('"payload": {"name": "load 1"' in line for line in report["warnings"])

@@ -208,3 +208,22 @@ def test_a_payload_that_its_trial_does_not_name_is_asked_for(loaded: Path, tmp_p
     # What a load takes is no push.
     assert not any(left["events"] for left in report["unexplained"].values())
     assert any(LOADED in line and '"payload"' in line for line in report["warnings"])
+
+
+def test_a_movement_made_again_with_a_load_is_no_repeat(tmp_path: Path) -> None:
+    """Bare and loaded in two groups: half of the load went to the links of either."""
+    load = '<body pos="0.25 0 0"><inertial pos="0 0 0" mass="0.5" diaginertia="1e-4 1e-4 1e-4"/>'
+    truth = ARM.changed("</body>\n    </body>", f"{load}</body></body>\n    </body>")
+    for name, chain in (("bare", ""), ("loaded", truth)):
+        write_recordings(tmp_path / name, ARM, 1, truth=chain, trials=1, seconds=30.0)
+        shutil.copy(tmp_path / name / "trial_0.csv", tmp_path / f"{name}.csv")
+    shutil.copy(tmp_path / "bare" / "device.xml", tmp_path)
+    trials = [{"file": f"{name}.csv", "group": name} for name in ("bare", "loaded")]
+    session = {"schema": 1, "model": "device.xml", "trials": trials}
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    report = analyse(tmp_path).report
+    (entry,) = report["unnamed_loads"]
+    assert (entry["file"], entry["body"], entry["fitted"]) == (LOADED, "fore", True)
+    assert entry["mass"]["value"] == pytest.approx(0.5, rel=0.05)
+    assert all(floor["value"] < 1.5 * ARM.noise for floor in report["floor"].values())
+    assert report["effects"] == [] and report["declared"] == []

@@ -85,6 +85,8 @@ def test_an_unnamed_load_has_an_interval_or_else_its_moments_alone(half: float, 
     entry = {
         "file": "t.csv",
         "body": "fore",
+        "name": "load 1",
+        "fitted": False,
         "mass": mass_entry(load.value[0], load.half[0]),
         "moments": moments_entry(load),
     }

@@ -320,6 +320,12 @@ def test_a_model_that_reaches_out_or_is_no_chain_is_refused(
     assert words in str(error) and error.file == "device.xml"
 
 
+def test_a_body_without_a_name_is_called_after_its_joint(folder: Folder) -> None:
+    """A report that finds a load says where it hangs."""
+    folder.model = folder.model.replace('<body name="forearm" ', "<body ", 1)
+    assert load_session(folder.write()).device.bodies == ("world", "upper_arm", "elbow_link")
+
+
 def test_unknown_columns_are_kept_to_explain_a_residual(folder: Folder) -> None:
     folder.header += ",wrist.position"
     folder.table = np.column_stack([folder.table, np.sin(folder.table[:, 0])])
