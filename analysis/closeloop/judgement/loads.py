@@ -11,8 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.agreed import sure
-from analysis.closeloop.identification.arms.carried import MOST
+from analysis.closeloop.identification.arms.agreed import MOST, sure
 from analysis.closeloop.identification.arms.links import last_links, links_of
 from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit

@@ -28,6 +28,8 @@ from sim.effects.laws.inertia import PlacedPayload
 SHARED = (LINK_INERTIA, PlacedPayload.name, "position_offset")
 #: What every joint rubs by.
 FRICTION = ("viscous_friction", "coulomb_friction")
+#: Share of what is left of a trial that a load of its own must take away: most of it.
+MOST = 0.5
 #: By how much a joint's error may grow, by chance, where joints share something.
 WORSE = 0.01
 

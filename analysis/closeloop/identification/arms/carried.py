@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.agreed import shared_by_joints
+from analysis.closeloop.identification.arms.agreed import MOST, shared_by_joints
 from analysis.closeloop.identification.arms.links import last_links, links_of
 from analysis.closeloop.identification.arms.robot import weighed_by, with_ordinary
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
@@ -23,8 +23,6 @@ from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
 from sim.effects.laws.inertia import MOST_LOAD
 
-#: Share of what is left of a trial that a load must take away: most of it.
-MOST = 0.5
 #: Joints that have to show it: one shows a gain or an offset as well.
 SEVERAL = 2
 
