@@ -13,6 +13,7 @@ import numpy as np
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.arms.breakaway import with_breakaway
 from analysis.closeloop.identification.arms.explainable import explainable_by_joint
+from analysis.closeloop.identification.arms.gains import untold_gain
 from analysis.closeloop.identification.arms.holdouts import not_worse
 from analysis.closeloop.identification.arms.motors import untold_motors
 from analysis.closeloop.identification.arms.robot import (
@@ -117,7 +118,14 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
                 explainable_after=explainable_by_joint(grown.model, rows)
                 if grown.steps
                 else beyond,
-                notes=(*held, *refusals, *unsure, *notes, *untold_motors(grown.model, rows)),
+                notes=(
+                    *held,
+                    *refusals,
+                    *unsure,
+                    *notes,
+                    *untold_motors(grown.model, rows),
+                    *untold_gain(grown.model, grown.score.coefficients, rows),
+                ),
             )
         )
     )

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.arms.gains import GAIN, gain_of_all
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.uncertainty import leave_out
@@ -39,6 +40,8 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
         candidate = step.taken.candidate
         effect, joint = candidate.effect, candidate.joint
         others = list(dict.fromkeys(o.candidate.effect.name for o in step.equals))
+        if effect is GAIN and gain_of_all(model, coefficients, found.rows) is not None:
+            others.append(LINK_INERTIA)
         others = [name for name in others if name != effect.name]
         entries.append(
             {

@@ -4,8 +4,15 @@ About an upright axis inertia and friction are all that a motor has to do, and a
 other inertia and friction: then both are said.
 """
 
+import numpy as np
+
 from analysis.closeloop.identification.arms.agreed import SHARED
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    evaluate,
+    gain,
+)
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option
@@ -15,6 +22,8 @@ from sim.effects.catalogue import BY_NAME
 
 GAIN, INERTIA = BY_NAME["torque_gain"], BY_NAME["added_inertia"]
 COULOMB, OFFSET = BY_NAME["coulomb_friction"], BY_NAME["torque_offset"]
+#: Gains of all joints are one if they differ by no more than this share.
+ALIKE = 0.05
 
 
 def with_gains(model: Model, rows: Rows) -> Model:
@@ -35,6 +44,30 @@ def with_gains(model: Model, rows: Rows) -> Model:
             if gone:
                 model = _instead(model, rows, gone, gain)
     return model
+
+
+def gain_of_all(model: Model, coefficients: np.ndarray, rows: Rows) -> float | None:
+    """Return the gain that was found of every joint alike; None if there is none.
+
+    It cannot be told from links of that part of their declared mass.
+    """
+    if not all((GAIN.name, joint) in _keys(model) for joint in rows.joints):
+        return None
+    gains = [gain(model, coefficients, joint) for joint in rows.joints]
+    mean = float(np.mean(gains))
+    return mean if np.ptp(gains) < ALIKE * mean else None
+
+
+def untold_gain(model: Model, coefficients: np.ndarray, rows: Rows) -> tuple[str, ...]:
+    """Say what a gain of every joint may be."""
+    found = gain_of_all(model, coefficients, rows)
+    if found is None or len(rows.joints) < 2:
+        return ()
+    return (
+        f"every joint has a torque_gain of about {found:.2f}: efforts in another unit, currents "
+        f"times a wrong factor, or links of {1.0 / found:.2f} times their declared mass; check the "
+        "factor first, or hold a known mass still",
+    )
 
 
 def _keys(model: Model) -> set[tuple[str, int]]:

@@ -18,12 +18,15 @@ from analysis.closeloop.identification.balance.model import (
     unfitted,
     with_independent,
 )
-from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.nameable import lowest
 from analysis.closeloop.identification.winding import with_winding
 from analysis.closeloop.session.link_torque import carriers
+from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.inertia import PLACE, LinkInertia
 
 LINKS = LinkInertia()
+GAIN, INERTIA = BY_NAME["torque_gain"], BY_NAME["added_inertia"]
 
 
 def with_share(model: Model, rows: Rows, links: Links, *, links_free: bool) -> Model:
@@ -52,7 +55,39 @@ def with_share(model: Model, rows: Rows, links: Links, *, links_free: bool) -> M
         further = best.loss - block.loss > MIN_LATER_GAIN * best.loss
         if not (block_wins and further and sure(best.losses, block.losses, rows.fold_of_block)):
             return _loaded(model, rows, links, best)
-    return with_links(model, links, block.links) if block_wins else model
+    if not block_wins:
+        return model
+    return _one_gain(model, rows, links, block) or with_links(model, links, block.links)
+
+
+def _one_gain(model: Model, rows: Rows, links: Links, block: Fitted) -> Model | None:
+    """Return the model with a gain of every joint, if one for all predicts as well as other links.
+
+    Efforts in another unit, or currents times a wrong factor, are links of that part of their mass:
+    by one number instead of ten a link.
+    """
+    recording = model.recording
+    if any((GAIN.name, joint) in model.declared for joint in recording.joints):
+        return None
+    inverse = {joint: recording.inverse[:, [joint]] for joint in recording.joints}
+    one = with_independent(model, Term(joint=recording.joints[0], columns=inverse), rows)
+    if one is model:
+        return None
+    scaled = WholeFit(one, rows, links).alone(range(len(one.terms)))
+    lost, error = compare(scaled.losses, block.losses)
+    if lost > error:
+        return None
+    for joint in rows.joints:
+        here = Candidate(effect=GAIN, joint=joint)
+        columns, lower = GAIN.columns(unfitted(recording, joint), {}), lowest(model, here)
+        term = Term(effect=GAIN, joint=joint, columns=columns, lower=lower, candidate=here)
+        with_it = with_independent(model, term, rows)
+        if with_it is model:
+            # About an upright axis a gain is inertia: then it is the one that all joints have.
+            rest = model.without(Candidate(effect=INERTIA, joint=joint))
+            with_it = with_independent(rest, term, rows)
+        model = with_it
+    return model
 
 
 def _loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
