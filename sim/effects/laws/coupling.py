@@ -204,8 +204,9 @@ def _beside_in_wrist(recording: Recording, joint: int) -> list[int]:
     In trials that are fitted, and not by a little: a motor of two joints of which one is held rubs
     as one of the joint's own.
     """
-    fitted = np.isin(recording.trial, recording.fit_trials)
-    moves = fitted & (np.abs(recording.velocity[:, joint]) > recording.rest_speed[joint])
+    moves = _fitted(recording) & (
+        np.abs(recording.velocity[:, joint]) > recording.rest_speed[joint]
+    )
     power = (recording.velocity[moves] ** 2).sum(axis=0)
     return [
         other
@@ -222,13 +223,21 @@ def _others(recording: Recording, joint: int) -> list[int]:
     return sorted((int(j) for j in moving if j != joint), key=lambda j: abs(j - joint))
 
 
+def _fitted(recording: Recording) -> np.ndarray:
+    """Return which samples are of trials that are fitted, (n,)."""
+    return np.isin(recording.trial, recording.fit_trials)
+
+
 def _ways_beside(recording: Recording, joint: int) -> np.ndarray:
     """Return how far every joint goes in one piece while `joint` moves, rad or m, (joints,).
 
     A joint that a controller holds gives way a little with every torque that others need: over so
-    short a way anything follows anything.
+    short a way anything follows anything. Where one joint moves at a time in what is fitted, a belt
+    between two is a spring of one.
     """
-    moves = np.abs(recording.velocity[:, joint]) > recording.rest_speed[joint]
+    moves = _fitted(recording) & (
+        np.abs(recording.velocity[:, joint]) > recording.rest_speed[joint]
+    )
     ways = np.zeros(recording.position.shape[1])
     for piece in recording.slices:
         if moves[piece].any():

@@ -17,8 +17,8 @@ from analysis.closeloop.identification.arms.links import last_links, links_of
 from analysis.closeloop.identification.arms.robot import weighed_by, with_ordinary
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.balance.declared import declared_model, load_about
-from analysis.closeloop.identification.balance.model import Model, with_independent
-from analysis.closeloop.identification.balance.regression import Rows, compare, select_rows
+from analysis.closeloop.identification.balance.model import with_independent
+from analysis.closeloop.identification.balance.regression import compare, select_rows
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
 from sim.effects.laws.inertia import MOST_LOAD
@@ -64,10 +64,12 @@ def _carriers(
     rows = select_rows(named, named.fit_trials)
     bare = declared_model(recording, select_rows(recording, recording.fit_trials))
     model = with_ordinary(replace(bare, recording=named), rows)
+    rows, links = weighed_by(model, rows), links_of(named)
+    # With a load in every trial nothing holds the links: how firmly is asked without.
+    strength = WholeFit(model, rows, links).strength
     for load in own.values():
         model = with_independent(model, load_about(named, load, np.zeros(3)), rows)
-    rows = weighed_by(model, rows)
-    fit = _fit(model, rows)
+    fit = WholeFit(model, rows, links, strength=strength)
     numbers = {load: number for number, load in own.items()}
     terms = {
         numbers[term.load]: place
@@ -120,10 +122,6 @@ def _missed(
     return before, after, taken
 
 
-def _fit(model: Model, rows: Rows) -> WholeFit:
-    return WholeFit(model, rows, links_of(model.recording))
-
-
 def _weighs(fit: WholeFit, place: int, fitted: Fitted) -> bool:
     """Whether a load has a mass that the arm may carry, within its reach."""
     term, recording = fit.model.terms[place], fit.model.recording
@@ -161,6 +159,6 @@ def _are_one(fit: WholeFit, rest: Sequence[int], apart: Fitted, loads: Sequence[
     term = load_about(_naming(named, there), one, np.zeros(3))
     others = tuple(fit.model.terms[place] for place in rest)
     model = with_independent(replace(fit.model, terms=others), term, fit.rows)
-    both = _fit(model, fit.rows)
+    both = WholeFit(model, fit.rows, fit.links, strength=fit.strength)
     lost, error = compare(both.with_links(range(len(model.terms))).losses, apart.losses)
     return lost <= error

@@ -62,7 +62,12 @@ class Fitted:
 class WholeFit:
     """A model's columns over all rows, with those of the links, and their Gram matrices."""
 
-    def __init__(self, model: Model, rows: Rows, links: Links) -> None:
+    def __init__(
+        self, model: Model, rows: Rows, links: Links, *, strength: float | None = None
+    ) -> None:
+        """Prepare fits; `strength`: how firmly links stay as declared, if that is known."""
+        if strength is not None:
+            self.strength = strength
         self.model, self.rows, self.links = model, rows, links
         parts = [rows.stack(model.transformed(kept_columns(t)), len(t.kept)) for t in model.terms]
         #: Which term each column is of, (p,).

@@ -18,7 +18,7 @@ from analysis.closeloop.identification.candidates import options_beside
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.coupling import ACCELERATION, EFFORT, MOTION
-from tests.testbed.sessions.coupled import measured, moving, traced, values
+from tests.testbed.sessions.coupled import in_trials, measured, moving, traced, values
 
 COUPLING = BY_NAME["cross_joint_coupling"]
 
@@ -179,3 +179,11 @@ def test_a_neighbour_that_is_only_held_couples_by_no_motion() -> None:
     forms = {(theta["other_dof"], theta["by"]) for theta in COUPLING.thetas(unfitted(held, 0))}
     assert (1.0, MOTION) not in forms and (1.0, ACCELERATION) not in forms
     assert {(2.0, MOTION), (1.0, EFFORT)} <= forms
+
+
+def test_a_joint_that_only_a_held_out_trial_moves_beside_another_is_no_belt() -> None:
+    """A belt to a joint that rests is a spring of the joint's own, and took its place."""
+    robot = in_trials(np.array([[True, False, False], [False, True, True], [True, True, True]]))
+    for fit_trials, there in (((0, 1), False), ((0, 1, 2), True)):
+        joint = unfitted(replace(robot, fit_trials=fit_trials), 0)
+        assert any(theta["by"] == MOTION for theta in COUPLING.thetas(joint)) is there
