@@ -26,7 +26,7 @@ EVENT = "event"
 
 VERDICTS = {
     "adequate": "Nothing is missing: the residual of the declared model is at its floor.",
-    "effect_found": "The declared model lacked an effect; it was found and added.",
+    "effect_found": "What the declared model lacked was found and added.",
     "unexplained": "Something is left that no catalogued effect explains.",
     "not_identifiable": "An effect is there, but these trials cannot name it.",
 }
