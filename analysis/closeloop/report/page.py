@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 MAX_POINTS = 4000
 MAX_TRIALS = 12
-#: What residuals are of, and their colours.
-MODELS = {"before": "tab:red", "after": "tab:blue"}
-EVENT = "event"
+EVENT, UNCHANGED = "event", "before = after: nothing is repaired"
 
 VERDICTS = {
     "adequate": "Nothing is missing: the residual of the declared model is at its floor.",
@@ -40,6 +38,7 @@ def write_page(path: Path, found: Answer) -> None:
         title=f"Closing the loop: {found.report['session']['folder']}",
         verdict=VERDICTS[found.report["verdict"]],
         report=found.report,
+        most_trials=MAX_TRIALS,
         evidence={
             recording.device.joints[joint]: {
                 "signals": _image(_evidence(found, joint)),
@@ -64,6 +63,14 @@ def _image(figure: "Figure") -> str:
     return data_uri(figure, "png", dpi=90)
 
 
+def _models(found: Answer) -> list[tuple[list[TrialError], str, str]]:
+    """Return the errors to draw, each with its name and colour: one where nothing is repaired."""
+    pairs = zip(found.before, found.after, strict=True)
+    if all(np.array_equal(before.predicted, after.predicted) for before, after in pairs):
+        return [(found.before, UNCHANGED, "tab:red")]
+    return [(found.before, "before", "tab:red"), (found.after, "after", "tab:blue")]
+
+
 def _evidence(found: Answer, joint: int) -> "Figure":
     """Draw a joint's low-passed residual over its velocity, position and acceleration."""
     recording = found.recording
@@ -75,7 +82,8 @@ def _evidence(found: Answer, joint: int) -> "Figure":
         (f"position, {angle}", recording.position),
         (f"acceleration, {angle}/s²", recording.acceleration),
     )
-    for errors, (word, colour) in zip((found.before, found.after), MODELS.items(), strict=True):
+    models = _models(found)
+    for errors, word, colour in models:
         residual = _low_passed(found, errors, joint)
         step = max(1, len(residual) // MAX_POINTS)
         for axes, (_, signal) in zip(panels[0], signals, strict=True):
@@ -85,7 +93,7 @@ def _evidence(found: Answer, joint: int) -> "Figure":
     for axes, (label, _) in zip(panels[0], signals, strict=True):
         axes.axhline(0, color="0.7", lw=0.5, zorder=0)
         name_axes(axes, label, f"residual, {unit}")
-    legend_above(panels[0, -1], panels[0, 0].lines[: len(MODELS)])
+    legend_above(panels[0, -1], panels[0, 0].lines[: len(models)])
     return figure
 
 
@@ -102,21 +110,23 @@ def _low_passed(found: Answer, errors: Sequence[TrialError], joint: int) -> np.n
 
 def _trials(found: Answer, joint: int) -> "Figure":
     """Draw a joint's residual over the time of each trial, with its events."""
-    pairs = [(b, a) for b, a in zip(found.before, found.after, strict=True) if b.joint == joint][
-        :MAX_TRIALS
+    models = _models(found)
+    own = [
+        [error for error in errors if error.joint == joint][:MAX_TRIALS] for errors, _, _ in models
     ]
-    figure, panels = even_panels(len(pairs), 1, width=10.0, height=1.8 * len(pairs), labelled=LABEL)
+    count = len(own[0])
+    figure, panels = even_panels(count, 1, width=10.0, height=1.8 * count, labelled=LABEL)
     unit = found.recording.device.unit(found.recording.name(joint))
     bands = []
-    for axes, (before, after) in zip(panels[:, 0], pairs, strict=True):
-        step = max(1, len(before.time) // MAX_POINTS)
-        trial = found.recording.session.trials[before.trial]
+    for axes, *errors in zip(panels[:, 0], *own, strict=True):
+        trial = found.recording.session.trials[errors[0].trial]
         # The edge keeps a short event in sight.
         bands += [
             axes.axvspan(event["from"], event["to"], fc="gold", ec="gold", alpha=0.5, label=EVENT)
-            for event in _events(found, before)
+            for event in _events(found, errors[0])
         ]
-        for error, (word, colour) in zip((before, after), MODELS.items(), strict=True):
+        for error, (_, word, colour) in zip(errors, models, strict=True):
+            step = max(1, len(error.time) // MAX_POINTS)
             axes.plot(error.time[::step], error.residual[::step], color=colour, lw=0.6, label=word)
         axes.set_title(f"{trial.label} ({trial.role})", fontsize=9, loc="left")
         name_axes(axes, "time, s", f"residual, {unit}")

@@ -1,14 +1,16 @@
 """Pictures of a residual say what each axis, line and band is."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from analysis.closeloop.identification.balance.accuracy import raw_errors
 from analysis.closeloop.load import load_session
 from analysis.closeloop.report.answer import Answer
-from analysis.closeloop.report.page import _evidence, _trials
+from analysis.closeloop.report.page import UNCHANGED, _evidence, _trials
 from tests.testbed.sessions.small import Folder
 
 
@@ -22,7 +24,8 @@ def found(tmp_path: Path) -> Answer:
     errors = raw_errors(recording, recording.static, (0, 1))
     pushed = {"file": "a.csv", "from": 7.0, "to": 7.5}
     report = {"unexplained": {"elbow": {"events": [pushed]}}}
-    return Answer(report=report, recording=recording, before=errors, after=errors)
+    without = raw_errors(recording, np.zeros_like(recording.static), (0, 1))
+    return Answer(report=report, recording=recording, before=without, after=errors)
 
 
 def named(axes: Any) -> list[str]:
@@ -47,3 +50,12 @@ def test_an_event_is_a_band_in_its_own_trial_and_named_with_the_lines(found: Ans
     }
     assert not panels[0].patches and len(panels[1].patches) == 1
     assert named(panels[0]) == ["before", "after", "event"]
+
+
+def test_where_nothing_is_repaired_there_is_one_line_that_says_so(found: Answer) -> None:
+    """The residual after hid that before, of which the legend spoke all the same."""
+    same = replace(found, before=found.after)
+    for draw in (_evidence, _trials):
+        panels = draw(same, same.recording.joints[0]).axes
+        shown = next(axes for axes in panels if axes.get_legend() is not None)
+        assert UNCHANGED in named(shown) and "after" not in named(shown)
