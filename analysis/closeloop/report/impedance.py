@@ -22,7 +22,7 @@ from analysis.closeloop.report.separating import separating_trial
 #: Effects that are listed of those that could move a stiffness.
 MAX_HIDDEN = 5
 #: Which of several names a value belongs to.
-FIRST = "under the name given first"
+FIRST = "with the effect that is named first"
 
 
 class Refits:
@@ -144,8 +144,8 @@ def not_identified(entries: Mapping[str, Any]) -> list[str]:
             )
             if said:
                 lines.append(
-                    f"these trials do not identify the stiffness of {joint}: unseen in them, "
-                    f"{said} could move it"
+                    f"these trials do not identify the stiffness of {joint}: effects that "
+                    f"they cannot show would change it, {said}"
                 )
     return lines
 
@@ -166,7 +166,9 @@ def undecided(entries: Mapping[str, Any]) -> list[str]:
     for joint, values in entries.items():
         entry = values["stiffness"]
         if apart := _apart(values, APART):
-            said = ", ".join(f"{value:.3g} if it is {name}" for name, value in apart.items())
+            said = ", ".join(
+                f"{value:.3g} if the effect is {name}" for name, value in apart.items()
+            )
             given = "if nothing is repaired" if entry["after"] == entry["before"] else FIRST
             lines.append(
                 f"the stiffness of {joint} is {entry['after']:.3g} {entry['unit']} {given}, but "
@@ -191,7 +193,7 @@ def off_by_form(found: Trace, entries: Mapping[str, Any]) -> list[str]:
     forms = " or ".join(filter(None, said))
     return [
         f"the stiffness of {joint} is off by up to {entry['may_be_off']:.2g} {entry['unit']} if "
-        f"there is {forms}: its interval allows for that, which these trials do not tell"
+        f"there is {forms}, which these trials cannot show; its interval allows for that"
         for joint, values in entries.items()
         if "may_be_off" in (entry := values["stiffness"])
     ]

@@ -56,8 +56,8 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
     warnings = [*_unread_effects(recording), *_model_remarks(recording), *found.notes]
     if outcome.left_out:
         warnings.append(
-            "no trial has the role holdout: the errors under holdout are those of each group "
-            "predicted from the others"
+            "no trial has the role holdout: the errors under holdout are of each part of the fit "
+            "trials, predicted by a fit to the other parts"
         )
     report = {
         "schema": SCHEMA,
@@ -106,8 +106,8 @@ def _unread_effects(recording: Recording) -> list[str]:
     if not left:
         return []
     return [
-        f"{recording.session.model} has effects that no session reads ({', '.join(left)}): "
-        "name them in declared_effects to have them fitted again"
+        f"{recording.session.model} has effects of an earlier repair that are not read from it "
+        f"({', '.join(left)}): name them in declared_effects to have them fitted again"
     ]
 
 
@@ -165,8 +165,8 @@ def advice(outcome: Outcome) -> list[str]:
             "EMG, temperature, the limb's own angle" if recording.limbs else "temperature, currents"
         )
         lines.append(
-            "No catalogued effect explains what is left; `unexplained` says on which recorded "
-            f"signals it depends. Record more there ({more})."
+            "No catalogued effect explains what is left; `unexplained` names the recorded signals "
+            f"that it goes with. Record more signals ({more})."
         )
     return lines
 

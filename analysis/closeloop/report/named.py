@@ -120,9 +120,9 @@ def without_value(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     for entry in entries:
         if not entry["parameters"]:
             why = (
-                "it acts on the whole effort channel, and only an undeclared one is looked for"
+                "it changes the whole effort signal; such effects are fitted only if undeclared"
                 if BY_NAME[entry["effect"]].channel
-                else "other declared effects explain it whole, or its joint does not move"
+                else "other declared effects explain all of it, or its joint does not move"
             )
             lines.append(f"declared {entry['effect']} of {entry['joint']} has no value: {why}")
     return lines
@@ -168,20 +168,29 @@ def _if_it_can_be(entry: Mapping[str, Any]) -> dict[str, Any]:
     if "free" not in entry or not spans_nonsense(entry["free"], entry["value"], entry["limits"]):
         return kept
     (low, high), (least, most) = entry["free"], entry["limits"]
+    unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
     possible = least - ROUNDING <= entry["value"] <= most + ROUNDING
     return kept | {
         "value": None,
         "ci90": None,
         "fitted": entry["value"] if possible else None,
-        "refused": f"its 90 % interval, {low:.3g} to {high:.3g} {entry['unit']}, spans what it "
-        "cannot be",
+        "refused": f"its 90 % interval, {low:.3g} to {high:.3g}{unit}, reaches too far beyond what "
+        f"is possible ({_between(least, most)})",
     }
+
+
+def _between(least: float, most: float) -> str:
+    """Say which values are possible."""
+    if np.isinf(most):
+        return f"{least:.3g} or more"
+    return f"{most:.3g} or less" if np.isinf(least) else f"{least:.3g} to {most:.3g}"
 
 
 def refused_values(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a warning for every parameter of a found effect whose estimate is refused."""
     return [
-        f"{entry['name']} of {entry['joint']}: {name} is not determined, {parameter['refused']}"
+        f"{entry['name']} of {entry['joint']}: {name} is not determined, because "
+        f"{parameter['refused']}"
         for entry in entries
         for name, parameter in entry["parameters"].items()
         if "refused" in parameter

@@ -1,5 +1,6 @@
 """What was recorded, trial by trial: a picture of the signals, and what is noticed in them."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,9 +9,13 @@ from analysis.closeloop.session.recording import Recording
 from sim.pictures.figures import even_panels
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MAX_POINTS = 3000
+#: Room for the name of the axis below a panel, inches.
+LABEL = 0.2
 #: Spread of the sampling steps over their median from which on it is reported.
 JITTER = 0.05
 #: A signal of so few different values is a coarse one.
@@ -72,29 +77,52 @@ def _motion(recording: Recording, joint: int, pieces: list[slice]) -> list[str]:
 
 
 def preview(recording: Recording, number: int) -> "Figure":
-    """Draw position, velocity and effort of the analysed joints over one trial's time.
-
-    Raw samples of position and effort are grey; what the analysis works with is in colour.
-    """
+    """Draw position, velocity and effort of the analysed joints over one trial's time."""
     trial = recording.session.trials[number]
     joints = recording.joints
-    figure, panels = even_panels(len(joints), 3, width=10.0, height=1.9 * len(joints))
+    figure, panels = even_panels(
+        len(joints), 3, width=10.0, height=2.0 * len(joints), labelled=LABEL
+    )
     pieces = recording.pieces_of(number)
     every = max(1, len(trial.time) // MAX_POINTS)
     for row, joint in zip(panels, joints, strict=True):
         name = recording.name(joint)
         angle, unit = recording.device.angle_unit(name), recording.device.unit(name)
         signals = (
-            ("position", f"{name}, {angle}", recording.position),
+            ("position", angle, recording.position),
             ("velocity", f"{angle}/s", recording.velocity),
-            ("effort", f"effort, {unit}", recording.effort),
+            ("effort", unit, recording.effort),
         )
-        for axes, (word, label, smooth) in zip(row, signals, strict=True):
+        for axes, (word, measure, smooth) in zip(row, signals, strict=True):
             raw = trial.columns.get(f"{name}.{word}")
             if raw is not None:
-                axes.plot(trial.time[::every], raw[::every], color="0.7", lw=1.0)
+                axes.plot(trial.time[::every], raw[::every], color="0.7", lw=1.0, label="recorded")
             for piece in pieces:
-                axes.plot(recording.time[piece], smooth[piece, joint], color="tab:blue", lw=0.8)
-            axes.set_ylabel(label, fontsize=8)
-            axes.tick_params(labelsize=7)
+                clock = recording.time[piece]
+                axes.plot(clock, smooth[piece, joint], color="tab:blue", lw=0.8, label="analysed")
+            name_axes(axes, "time, s", f"{word}, {measure}")
+        row[0].set_title(name, fontsize=9, loc="left")
+    # Every joint has a position; a stretch after a gap is a further line of the same name.
+    legend_above(panels[0, -1], panels[0, 0].lines[:2])
     return figure
+
+
+def name_axes(axes: "Axes", across: str, up: str) -> None:
+    """Give the axes of a panel their names, each with its unit."""
+    axes.set_xlabel(across, fontsize=9)
+    axes.set_ylabel(up, fontsize=9)
+    axes.tick_params(labelsize=8)
+
+
+def legend_above(axes: "Axes", shown: Sequence["Artist"]) -> None:
+    """Name what is shown in a row above a panel at its right end, where it hides nothing."""
+    axes.legend(
+        handles=list(shown),
+        ncols=len(shown),
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.1,
+        markerscale=6,
+        frameon=False,
+        fontsize=9,
+    )

@@ -35,7 +35,9 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
         values = {key: entry["after"] or 0.0 for key, entry in impedance.items()}
         VISCOELASTIC.add(spec, name, values)
         if values["stiffness"] < 0 or values["damping"] < 0:
-            warnings.append(f"model_after.xml: the fitted impedance of {name} is not passive")
+            warnings.append(
+                f"model_after.xml: the fitted impedance of {name} is not passive (it gives energy)"
+            )
     elements = []
     for effect in report["effects"] if report["verdict"] == Verdict.EFFECT_FOUND else []:
         if effect["name"] == LINK_INERTIA:
@@ -50,13 +52,13 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
         values |= {key: effect["parameters"][key].get("fitted") for key in unknown}
         where = f"{name} of {effect['joint']}: {ALL}"
         if unknown and None not in values.values():
-            warnings.append(f"model_after.xml has what was fitted of {where}")
+            warnings.append(f"model_after.xml has the fitted values of {where}")
         elif unknown:
             if COULOMB not in BY_NAME[name].includes or values.get("torque") is None:
                 elements.append("none: not every parameter is determined")
                 warnings.append(f"model_after.xml lacks {where}")
                 continue
-            warnings.append(f"model_after.xml has {COULOMB} in the place of {where}")
+            warnings.append(f"model_after.xml has {COULOMB} instead of {where}")
             name, values = COULOMB, {"torque": values["torque"]}
         spec, element, lacking = _with_effect(spec, name, effect["joint"], values)
         elements.append(element or "none: described in the report only")
@@ -83,6 +85,6 @@ def _with_effect(
     try:
         compiled(trial)
     except ValueError:
-        why = "no body or joint can be what it makes of them; check the declared model and the data"
+        why = "it makes a body or joint that cannot exist; check the declared model and the data"
         return spec, None, [f"model_after.xml lacks {name} of {joint}: {why}"]
     return trial, element, []

@@ -9,8 +9,8 @@ from sim.effects.effect import Effect
 #: About an axis this near to upright a mass gives less than this share of its weight.
 LITTLE_WEIGHT = 0.1
 #: What effects are told apart by where a mass hangs in vain: a known pull instead of a weight.
-HELD = "hold it still against two known weights that pull level over a pulley"
-MOVED = "repeat one movement against two known weights that pull level over a pulley"
+HELD = "hold it still against two known weights that pull horizontally over a pulley"
+MOVED = "repeat one movement against two known weights that pull horizontally over a pulley"
 #: A mass tells inertia from a gain; only weight tells a load from a motor's inertia.
 TILTED = "repeat one movement with a known mass attached, and once with the axis tilted"
 #: Effects whose own trial needs gravity at their joint.

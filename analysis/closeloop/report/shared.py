@@ -31,8 +31,9 @@ MASSLESS = "the load may have no mass"
 UNTOLD = 100.0
 #: Of a load whose moments are told and whose mass comes out as none.
 WEIGHTLESS = (
-    "these trials show its moments, and no mass fits them: it holds what is wrong of the links; "
-    "close the loop without its trials first, and take that session's model_after.xml as the model"
+    "these trials show its moments (mass times place), and no mass fits them: they contain what is "
+    "wrong with the links; close the loop without its trials first, and take that session's "
+    "model_after.xml as the model"
 )
 
 
@@ -244,7 +245,7 @@ def place_entry(
         if number not in felt:
             unknown[number] = f"{name}: no joint feels it"
         elif high[number] - low[number] > UNTOLD * reach:
-            unknown[number] = f"{name}: these trials do not tell it"
+            unknown[number] = f"{name}: these trials do not determine it"
         elif high[number] - low[number] > 2.0 * reach:
             unknown[number] = (
                 f"{name}: its 90 % interval, {low[number]:.2g} to {high[number]:.2g} m, is wider "

@@ -16,8 +16,7 @@ from analysis.closeloop.report.unexplained import floor_entries, only_events, un
 from analysis.closeloop.session.recording import Recording
 
 NOTHING_MOVES = (
-    "no joint moves long enough: nothing can be said of the model, only of torque that is local in "
-    "time"
+    "no joint moves long enough to judge the model by: only pushes and knocks are looked for"
 )
 
 

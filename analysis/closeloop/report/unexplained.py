@@ -25,6 +25,12 @@ from analysis.closeloop.session.runs import MOVING
 #: A trial or a moment whose residual is this many times the usual one stands out.
 ODD = 1.5
 ODD_SECONDS = 0.25
+#: What the size of the unexplained is the root mean square of: of several parts, the largest.
+OF_SIGNALS = "what goes with a signal or oscillates, over the fitted trials"
+OF_TRIALS = "the error of a trial that stands out, less the usual one"
+OF_FLOOR = "the error in motion, less the floor"
+OF_EVENTS = "the error within the events alone"
+OF_PEAKS = "the events, as half sines of their peaks"
 #: Signals of one joint that are listed.
 MAX_SIGNALS = 3
 
@@ -63,19 +69,23 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
         if not said and outcome.verdict != Verdict.UNEXPLAINED:
             continue
         share = max(0.0, 1.0 - left.splines_loss / max(left.model_loss, 1e-300))
-        structured = share * smooth_part(found, joint)
-        structured += sum(peak.rms**2 for peak in beyond.get(joint, []))
-        structured = max([structured, *(_mean_square(error) - usual for error in odd)])
-        if ratio > AT_FLOOR:
-            structured = max(structured, (ratio**2 - 1.0) * outcome.floors[joint].value ** 2)
-        if events:
-            structured = max(structured, _power(recording, own, events))
+        lines = sum(peak.rms**2 for peak in beyond.get(joint, []))
         strongest = max((one.rms for one in outcome.structures.get(joint, [])), default=0.0)
-        size = float(max(np.sqrt(structured), strongest))
+        squares = {
+            OF_SIGNALS: max(share * smooth_part(found, joint) + lines, strongest**2),
+            OF_TRIALS: max([0.0, *(_mean_square(error) - usual for error in odd)]),
+        }
+        if ratio > AT_FLOOR:
+            squares[OF_FLOOR] = (ratio**2 - 1.0) * outcome.floors[joint].value ** 2
+        if events:
+            squares[OF_EVENTS] = _power(recording, own, events)
+        largest = max(squares, key=lambda part: squares[part])
+        size = float(np.sqrt(squares[largest]))
         if not said and not size:
             continue
         entries[name] = {
             "rms": size,
+            "rms_of": largest,
             "unit": recording.device.unit(name),
             "depends_on": list(dict.fromkeys(depends)),
             "band_hz": _band(recording, own, [] if odd else beyond.get(joint, [])),
@@ -94,6 +104,7 @@ def only_events(recording: Recording, events: Sequence[Event]) -> dict[str, Any]
     name = recording.name(events[0].joint)
     return {
         "rms": float(np.sqrt(np.mean([event.peak**2 for event in events]) / 2.0)),
+        "rms_of": OF_PEAKS,
         "unit": recording.device.unit(name),
         "depends_on": [],
         "band_hz": None,
@@ -127,8 +138,8 @@ def untouched(recording: Recording, events: Sequence[Event]) -> list[str]:
     if recording.limbs:
         nobody = "the limb relaxed, and nothing and nobody else touching the robot"
     return [
-        f"Repeat {file} with {nobody}; `unexplained` says when there was a torque that does not "
-        "come back."
+        f"Repeat {file} with {nobody}: something seems to have pushed it at the times that are "
+        "listed as events under `unexplained`."
         for file in files
     ]
 
@@ -155,15 +166,16 @@ def far_from_floor(outcome: Outcome) -> list[str]:
         unit = recording.device.unit(name)
         if ratio is None:
             lines.append(
-                f"{name} has no floor: no movement is repeated, the noise above the band of the "
-                "movement cannot be told (the rate is too low, or a low-pass took it), and none is "
-                "declared under sensors; the size of its error says nothing"
+                f"{name}: the noise of its effort (its floor) is not known, so the size of its "
+                "error says nothing: no movement is repeated, noise above the band of the movement "
+                "cannot be seen (the rate is too low, or a low-pass removed it), and no noise is "
+                "declared under sensors"
             )
         elif ratio > AT_FLOOR:
             floor = outcome.floors[joint]
             lines.append(
-                f"{name}: the error in motion is {ratio:.1f} times its floor, "
-                f"{floor.value:.3g} {unit} ({floor.source})"
+                f"{name}: the error in motion is {ratio:.1f} times the noise of its effort (its "
+                f"floor, {floor.value:.3g} {unit}; {floor.source})"
             )
     return lines
 
@@ -172,9 +184,9 @@ def of_wrong_torques(outcome: Outcome) -> list[str]:
     """Return a warning for every joint whose effort the final model predicts worse than none."""
     recording = outcome.trace.rows.recording
     return [
-        f"{recording.name(joint)}: the model leaves {error:.3g} of an effort of {effort:.3g} "
-        f"{recording.device.unit(recording.name(joint))}, more than no torque at all would: are "
-        "units, sign, columns and masses as declared?"
+        f"{recording.name(joint)}: the model's error is {error:.3g}, and the effort itself only "
+        f"{effort:.3g} {recording.device.unit(recording.name(joint))}: are units, sign, columns "
+        "and masses as declared?"
         for joint, (error, effort) in worse_than_none(outcome).items()
     ]
 
@@ -191,9 +203,9 @@ def at_rest_where_worse(recording: Recording, holdout: Errors) -> list[str]:
         name = recording.name(joint)
         grows = f"{before[joint][0]:.3g} to {error:.3g} {recording.device.unit(name)}"
         lines.append(
-            f"{name}: its error grows, {grows}, in held-out trials in which it only rests; there "
-            "friction takes what other torques leave, so that neither says anything of what was "
-            "found: hold out a trial that moves it"
+            f"{name}: its error grows, {grows}, in held-out trials in which it only rests; at rest "
+            "friction balances any torque, so neither number tells whether what was found is "
+            "right: hold out a trial that moves it"
         )
     return lines
 
@@ -207,9 +219,9 @@ def not_settled(outcome: Outcome) -> list[str]:
         own = ", ".join(d.effect for d in recording.session.declared if d.joint == name)
         there = f" there ({own})" if own else ""
         lines.append(
-            f"{name}: the trials that are fitted do not determine what is declared{there}: fitted "
-            "to the held-out trials too, the same model is at its floor; fit trials that move it "
-            "as those do, at two or more speeds"
+            f"{name}: the fit trials do not determine what is declared{there}: fitted to the "
+            "held-out trials too, the same model predicts them down to the noise; add fit trials "
+            "that move it as the held-out ones do, at two or more speeds"
         )
     return lines
 

@@ -14,6 +14,7 @@ import pytest
 
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.closeloop.loop import analyse, close_loop
+from analysis.closeloop.report.unexplained import OF_EVENTS
 from sim.effects.applied import AppliedEffects
 from sim.effects.elements import add_applied, add_constant
 from tests.testbed.sessions.closed import closed_without_page, closed_without_pictures
@@ -58,6 +59,8 @@ def test_coulomb_friction_is_found_added_and_the_error_falls(tmp_path: Path) -> 
     assert looked["before"]["depends_on"]["velocity sign"] > 0.6
     assert looked["after"]["depends_on"]["velocity sign"] < 0.2
     page = (tmp_path / "out" / "report.html").read_text()
+    # It is the only one: nothing is said of shares that do not add up.
+    assert "takes away: how much smaller" in page and "do not add up" not in page
     assert "coulomb_friction" in page and "data:image/png;base64," in page
     # The pictures' own letters may spell anything.
     assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)
@@ -86,7 +89,9 @@ def test_a_gain_that_a_payload_imitates_says_what_the_stiffness_would_be(tmp_pat
     assert names == {"torque_gain", "payload"}
     stiffness = report["impedance"]["elbow"]["stiffness"]
     low, high = stiffness["ci90_after"]
-    assert low <= arm.stiffness <= high and "if it is payload" in " ".join(report["warnings"])
+    assert low <= arm.stiffness <= high and "if the effect is payload" in " ".join(
+        report["warnings"]
+    )
     assert "known mass" in " ".join(report["advice"])
 
 
@@ -137,8 +142,8 @@ def test_a_repaired_model_serves_a_later_session_and_says_what_that_leaves_out(
     report = analyse(folder.write()).report
     assert report["verdict"] == "adequate"
     assert report["warnings"][0] == (
-        "device.xml has effects that no session reads (torque_ripple of elbow, torque_offset of "
-        "elbow): name them in declared_effects to have them fitted again"
+        "device.xml has effects of an earlier repair that are not read from it (torque_ripple of "
+        "elbow, torque_offset of elbow): name them in declared_effects to have them fitted again"
     )
 
 
@@ -183,6 +188,8 @@ def test_a_push_is_an_event_with_its_time_and_bends_no_stiffness(tmp_path: Path)
     assert low <= arm.stiffness <= high
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Events: torque that is local in time" in page and "above the band" in page
+    # Its size is over the pushes alone, and so may be larger than the error.
+    assert report["unexplained"]["elbow"]["rms_of"] == OF_EVENTS and OF_EVENTS in page
 
 
 def test_one_sweep_in_one_direction_names_nothing_and_says_what_to_record(tmp_path: Path) -> None:

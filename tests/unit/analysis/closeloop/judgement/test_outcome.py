@@ -173,7 +173,7 @@ def test_friction_that_one_speed_does_not_determine_is_said_to_be_so() -> None:
     assert outcome.unsettled == (0,)
     assert verdict_of(outcome) == Verdict.NOT_IDENTIFIABLE
     (line,) = not_settled(outcome)
-    assert "a: the trials" in line and "(coulomb_friction, viscous_friction)" in line
+    assert "a: the fit trials" in line and "(coulomb_friction, viscous_friction)" in line
 
 
 def test_what_no_declared_friction_explains_in_the_quick_trial_stays_unexplained() -> None:

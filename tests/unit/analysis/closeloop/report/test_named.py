@@ -84,7 +84,10 @@ def test_a_refused_mass_has_no_value_and_the_model_says_that_it_is_only_fitted()
     assert mass["value"] is None and mass["ci90"] is None
     assert refused_values([good]) == []
     (said,) = refused_values([refused])
-    assert said.startswith("payload of elbow: mass is not determined, its 90 % interval, -1.9 to")
+    assert said.startswith(
+        "payload of elbow: mass is not determined, because its 90 % interval, -1.9 to"
+    )
+    assert said.endswith("reaches too far beyond what is possible (0 or more)")
     device = Device(mujoco.MjSpec.from_string(mjcf(Arm())), ())
     report = {
         "declared": [],
@@ -94,7 +97,7 @@ def test_a_refused_mass_has_no_value_and_the_model_says_that_it_is_only_fitted()
     }
     xml, elements, warnings = repaired_model(device, report)
     (warning,) = warnings
-    assert warning.startswith("model_after.xml has what was fitted of payload of elbow")
+    assert warning.startswith("model_after.xml has the fitted values of payload of elbow")
     model = mujoco.MjModel.from_xml_string(xml)
     added = model.body_mass.sum() - device.model.body_mass.sum()
     assert added == pytest.approx(0.7) and elements == [BY_NAME["payload"].element]
@@ -115,7 +118,7 @@ def test_friction_whose_excess_is_not_determined_is_in_the_model_as_coulombs() -
         "effects": [effect],
     }
     xml, elements, (said,) = repaired_model(device, report)
-    assert said.startswith("model_after.xml has coulomb_friction in the place of stribeck_friction")
+    assert said.startswith("model_after.xml has coulomb_friction instead of stribeck_friction")
     assert elements == ["joint/@frictionloss"]
     model = mujoco.MjModel.from_xml_string(xml)
     assert model.dof_frictionloss[model.joint("elbow").dofadr[0]] == 0.7
@@ -138,7 +141,7 @@ def test_what_was_fitted_beside_others_stays_in_the_model_though_trials_do_not_t
         "effects": [effect],
     }
     xml, _, (said,) = repaired_model(device, report)
-    assert said.startswith("model_after.xml has what was fitted of asymmetric_friction of elbow")
+    assert said.startswith("model_after.xml has the fitted values of asymmetric_friction of elbow")
     assert "'torque_negative': 0.1" in xml
     # What cannot be is in no model.
     unknown["torque_negative"]["fitted"] = None
@@ -198,11 +201,19 @@ def stribeck_velocity(spread: float) -> dict[str, Any]:
     return _if_it_can_be(own)
 
 
+def test_a_share_that_is_refused_is_told_without_a_unit() -> None:
+    share = {"value": 0.2, "unit": "1", "free": (-0.9, 1.3), "limits": (0.0, 1.0)}
+    assert (
+        "-0.9 to 1.3, reaches too far beyond what is possible (0 to 1)"
+        in (_if_it_can_be(share)["refused"])
+    )
+
+
 def test_what_no_column_gives_ends_where_it_means_something_or_has_no_value() -> None:
     unsure, unknown = stribeck_velocity(0.065), stribeck_velocity(0.2)
     assert unsure["ci90"][0] == 1e-3 < unsure["value"] < unsure["ci90"][1]
     assert unknown["value"] is None and unknown["ci90"] is None
-    assert "spans what it cannot be" in unknown["refused"]
+    assert "beyond what is possible (" in unknown["refused"]
     assert unknown["fitted"] == unsure["value"] and "fitted" not in unsure
 
 
@@ -228,7 +239,7 @@ def test_a_torque_that_may_be_larger_than_all_that_was_recorded_has_no_value() -
     """Beside asymmetric friction a coupling's constant came to 0.4 (-5160 to 5160) Nm."""
     known, unknown = offset(0.1), offset(3000.0)
     assert known["value"] == 0.4 and known["ci90"][0] < 0.4 < known["ci90"][1]
-    assert unknown["value"] is None and "spans what it cannot be" in unknown["refused"]
+    assert unknown["value"] is None and "beyond what is possible (" in unknown["refused"]
     assert unknown["fitted"] == 0.4
 
 

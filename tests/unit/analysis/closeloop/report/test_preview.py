@@ -55,5 +55,14 @@ def test_the_picture_shows_each_analysed_joints_position_velocity_and_effort(
 ) -> None:
     recording = load_session(folder.write())
     axes = preview(recording, 0).axes
-    assert [a.get_ylabel() for a in axes] == ["elbow, rad", "rad/s", "effort, Nm"]
+    assert [a.get_ylabel() for a in axes] == ["position, rad", "velocity, rad/s", "effort, Nm"]
+    assert [a.get_xlabel() for a in axes] == ["time, s"] * 3
+    assert axes[0].get_title(loc="left") == "elbow"
     assert all(len(a.lines) == 2 for a in axes)
+
+
+def test_the_picture_says_which_line_was_recorded_and_which_is_analysed(folder: Folder) -> None:
+    folder.table = np.delete(folder.table, slice(800, 1000), axis=0)
+    legend = preview(load_session(folder.write()), 0).axes[-1].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["recorded", "analysed"]

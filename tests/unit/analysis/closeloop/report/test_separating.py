@@ -17,7 +17,7 @@ DOWN = f"0 0 -{GRAVITY}"
 
 @pytest.mark.parametrize(
     ("gravity", "asked"),
-    [(DOWN, "hold a known mass still"), (f"0 -{GRAVITY} 0", "pull level over a pulley")],
+    [(DOWN, "hold a known mass still"), (f"0 -{GRAVITY} 0", "pull horizontally over a pulley")],
 )
 def test_a_gain_is_told_by_a_known_weight_that_the_joint_feels(
     tmp_path: Path, gravity: str, asked: str

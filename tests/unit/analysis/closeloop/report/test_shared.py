@@ -22,7 +22,7 @@ def test_a_mass_that_could_be_none_has_no_value_nor_has_its_centre() -> None:
     assert all(entry["value"] is None and entry["ci90"] is None for entry in found.values())
     (said,) = refused_values([{"name": "links", "joint": "lift", "parameters": found}])
     assert said.startswith(
-        "links of lift: mass is not determined, its 90 % interval, -62 to 224 kg"
+        "links of lift: mass is not determined, because its 90 % interval, -62 to 224 kg"
     )
 
 
@@ -39,7 +39,7 @@ def test_a_mass_that_is_known_has_an_interval() -> None:
         # As of an arm that moves in a plane.
         (0.50, (0.01, 0.02, 0.00, 0.02), (0, 1, 3), (True, False, True), "no joint feels it"),
         (0.50, (0.01, 0.02, 0.02, 0.90), (0, 1, 2, 3), (True, True, False), "than the device"),
-        (0.50, (0.01, 0.02, 0.02, 2e7), (0, 1, 2, 3), (True, True, False), "do not tell it"),
+        (0.50, (0.01, 0.02, 0.02, 2e7), (0, 1, 2, 3), (True, True, False), "do not determine it"),
         # A few grams, beside the noise: 0 to 17 g.
         (0.005, (0.012, 0.9, 0.0, 1.0), (0, 1, 3), (False,) * 3, "may have no mass"),
         # None at all: its place is a quotient by nothing.
