@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
-from scipy.spatial import cKDTree
 
 from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS, MIN_TORQUE
 from analysis.closeloop.identification.balance.model import (
@@ -40,6 +39,7 @@ from analysis.closeloop.judgement.holds import (
     rest_events,
     spread,
 )
+from analysis.closeloop.judgement.recurring import ELSEWHERE, Way, clock_of
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import lowpass, rms
@@ -61,11 +61,6 @@ ABRUPT = 0.5
 #: ... unless it is so many times the share that is left wherever else a motion starts as abruptly.
 #: Set on two of its arms (tuning 34015, 34110): 2 and 3 at the start of a stretch, 5 at a push.
 AS_ABRUPT = 4.0
-#: Time to a place that is another one, s.
-ELSEWHERE = 1.0
-#: How near another pass is (in deviations of place, speed and acceleration), and which share of
-#: the residual makes it the same.
-NEAR, ALIKE = 0.3, 0.4
 
 
 def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
@@ -101,8 +96,8 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
     for joint in range(recording.effort.shape[1]):
         moved = expected.get(joint)
         abrupt = 0.0 if moved is None else ABRUPT * upper_octave(recording, joint)
-        beside = bool(expected.keys() - {joint})
-        found += rest_events(recording, joint, friction.get(joint, 0.0), moved, abrupt, beside)
+        others = sorted(expected.keys() - {joint})
+        found += rest_events(recording, joint, friction.get(joint, 0.0), moved, abrupt, others)
         if not expected:
             # Where another joint moves, its reaction takes this one along.
             found += away_events(recording, joint)
@@ -140,8 +135,8 @@ def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Itera
     turned = recording.since_reversal(joint)[samples]
     motion = [x[samples, joint] for x in (recording.velocity, recording.acceleration)]
     places = [recording.position[samples, joint], np.sign(turned) * np.log(np.abs(turned) + 0.02)]
-    clock = _clock(recording)[samples]
-    ways = [_Way(clock, [place, *motion]) for place in places]
+    clock = clock_of(recording)[samples]
+    ways = [Way(clock, [place, *motion]) for place in places]
     octave = np.maximum(upper_octave(recording, joint)[samples], 1e-12)
     stuck = STICTION * friction[samples]
     # Less than matters beside the effort is no event either.
@@ -230,39 +225,12 @@ def _more_than_abrupt(
         joint: which.
         top: the row in question.
     """
-    time, block = _clock(rows.recording)[rows.samples[joint]], rows.block[rows.parts[joint]]
+    time, block = clock_of(rows.recording)[rows.samples[joint]], rows.block[rows.parts[joint]]
     like = (octave > 0.5 * octave[top]) & (np.abs(time - time[top]) > ELSEWHERE)
     share = np.abs(left) / octave
     if len(np.unique(block[like])) < LEAST_BLOCKS:
         return False
     return bool(share[top] > AS_ABRUPT * share[like].max())
-
-
-def _clock(recording: Recording) -> np.ndarray:
-    """Return the time of every sample, s, (n,), one trial after the other."""
-    longest = float(np.ptp(recording.time)) + 2.0 * ELSEWHERE
-    return np.asarray(recording.time + longest * recording.trial)
-
-
-class _Way:
-    """Passes through the same motion: the same place or phase, speed and acceleration."""
-
-    def __init__(self, time: np.ndarray, signals: list[np.ndarray]) -> None:
-        state = np.column_stack(signals)
-        self._state = state / np.maximum(state.std(axis=0), 1e-12)
-        self._tree = cKDTree(self._state)
-        self._time = time
-
-    def comes_back(self, residual: np.ndarray, top: int) -> bool:
-        """Whether the joint leaves the same residual in other passes as at row `top`."""
-        time = self._time
-        near = np.array(self._tree.query_ball_point(self._state[top], NEAR), dtype=int)
-        near = np.sort(near[np.abs(time[near] - time[top]) > ELSEWHERE])
-        if not len(near):
-            return False
-        passes = np.split(near, np.flatnonzero(np.diff(time[near]) > 0.5) + 1)
-        alike = [float(np.median(residual[one])) / residual[top] for one in passes]
-        return bool(3 * int(np.sum(np.array(alike) > ALIKE)) >= max(3, len(alike)))
 
 
 def _joined(events: Iterable[Event]) -> list[Event]:

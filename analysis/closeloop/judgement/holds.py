@@ -3,7 +3,7 @@
 Friction at rest has any value, so a joint is compared with the course of its own torque there.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.stats import norm
 
 from analysis.closeloop.identification.findings import Event
+from analysis.closeloop.judgement.recurring import Way, clock_of
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import AWAY, MOVING, SHORT, runs
 from analysis.closeloop.session.signals import last_digit
@@ -51,9 +52,9 @@ def rest_events(
     friction: float,
     expected: np.ndarray | None,
     abrupt: np.ndarray | float,
-    beside: bool,
+    others: Sequence[int],
 ) -> Iterator[Event]:
-    """Yield what stands out of a resting joint's own course.
+    """Yield what stands out of a resting joint's own course, and is not there in other passes.
 
     Args:
         recording: all trials.
@@ -62,8 +63,9 @@ def rest_events(
         expected: its effort as a model fitted to its motion has it, low-passed, (n,); None if it
             hardly moves by itself. What that explains is no event.
         abrupt: torque near each sample of which filters are wrong, Nm or N, (n,).
-        beside: whether other joints move by themselves.
+        others: joints that move by themselves beside it.
     """
+    beside = bool(others)
     still = recording.still or joint not in recording.joints
     courses = list(_courses(recording, joint, expected, still=still, beside=beside))
     if not courses:
@@ -80,6 +82,7 @@ def rest_events(
     usual_anywhere = quiet_spread(np.concatenate([course.nearest for course in courses]))
     excused = np.maximum(abrupt, _answered(recording, joint, expected, beside=beside))
     travel = float(np.ptp(recording.position[:, joint]))
+    comes_back = _recurring(recording, courses, others)
     for course in courses:
         samples, beyond = course.samples, course.beyond
         usual = max(usual_anywhere, quiet_spread(course.nearest))
@@ -99,6 +102,8 @@ def rest_events(
             rubbing = (1.0 if pushed else STICTION) * friction
             top = run.start + int(np.argmax(np.abs(beyond[run])))
             if abs(beyond[top]) <= max(least, rubbing, excused[samples[top]]):
+                continue
+            if comes_back(samples[top]):
                 continue
             yield Event(
                 trial=int(recording.trial[samples[top]]),
@@ -142,6 +147,20 @@ def _courses(
         between = beside & (left[0] * left[1] < 0.0)
         beyond = np.where(between, 0.0, np.sign(left[0]) * nearest)
         yield _Course(samples=samples, beyond=beyond, nearest=nearest)
+
+
+def _recurring(
+    recording: Recording, courses: Sequence[_Course], others: Sequence[int]
+) -> Callable[[int], bool]:
+    """Return what says whether the torque of a sample is there in other passes of the others."""
+    every = np.concatenate([course.samples for course in courses])
+    beyond = np.concatenate([course.beyond for course in courses])
+    moving = [other for other in others if np.ptp(recording.position[every, other]) > MOVING]
+    if not moving:
+        return lambda _: False
+    motion = (recording.position, recording.velocity, recording.acceleration)
+    way = Way(clock_of(recording)[every], [x[every, other] for other in moving for x in motion])
+    return lambda sample: way.comes_back(beyond, int(np.flatnonzero(every == sample)[0]))
 
 
 def _answered(

@@ -316,3 +316,23 @@ def test_a_hold_goes_on_after_a_push_of_which_friction_keeps_less_than_half(
     first = holds(position, resting, RATE)[0]
     together = first.stop > 8.0 * RATE
     assert together == (kept < 0.5)
+
+
+@pytest.mark.parametrize("pushed", [False, True])
+def test_torque_that_comes_with_every_swing_of_another_joint_is_no_push(
+    recording: Recording, pushed: bool
+) -> None:
+    """As at a wrist of a UR10e whose elbow swings: 17 events in a minute."""
+    still = np.zeros(len(TIME))
+    held = holding(recording, still, still, sag=0.0)
+    swing = 0.6 * np.sin(2 * np.pi * 0.4 * TIME)
+    both = moved(held, np.column_stack([swing, held.position[:, 1]]), RATE)
+    noise = NOISE * np.random.default_rng(5).standard_normal((len(TIME), 2))
+    effort = both.rigid + noise
+    height = 6.0 * np.abs(both.rigid[:, 1] - both.static[:, 1]).max()
+    passes = [10.0] if pushed else np.arange(2.5, 18.0, 2.5)
+    effort[:, 1] += height * sum(bump(begin, 0.6) for begin in passes)
+    both = replace(both, joints=(0,), effort=both.filtered(effort), cache={})
+    found = [event for event in find_events(Model(both), both) if event.joint == 1]
+    assert len(found) == pushed
+    assert all(9.9 < event.begin < event.end < 10.7 for event in found)

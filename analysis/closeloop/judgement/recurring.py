@@ -1,0 +1,41 @@
+"""What a model leaves in other passes through the same motion: no push then, but a wrong form."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from analysis.closeloop.session.recording import Recording
+
+#: Time to a place that is another one, s.
+ELSEWHERE = 1.0
+#: How near another pass is (in deviations of place, speed and acceleration), and which share of
+#: the residual makes it the same.
+NEAR, ALIKE = 0.3, 0.4
+
+
+def clock_of(recording: Recording) -> np.ndarray:
+    """Return the time of every sample, s, (n,), one trial after the other."""
+    longest = float(np.ptp(recording.time)) + 2.0 * ELSEWHERE
+    return np.asarray(recording.time + longest * recording.trial)
+
+
+class Way:
+    """Passes through the same motion: the same place or phase, speed and acceleration."""
+
+    def __init__(self, time: np.ndarray, signals: Sequence[np.ndarray]) -> None:
+        state = np.column_stack(signals)
+        self._state = state / np.maximum(state.std(axis=0), 1e-12)
+        self._tree = cKDTree(self._state)
+        self._time = time
+
+    def comes_back(self, residual: np.ndarray, top: int) -> bool:
+        """Whether the same residual is left in other passes as at row `top`."""
+        time = self._time
+        near = np.array(self._tree.query_ball_point(self._state[top], NEAR), dtype=int)
+        near = np.sort(near[np.abs(time[near] - time[top]) > ELSEWHERE])
+        if not len(near):
+            return False
+        passes = np.split(near, np.flatnonzero(np.diff(time[near]) > 0.5) + 1)
+        alike = [float(np.median(residual[one])) / residual[top] for one in passes]
+        return bool(3 * int(np.sum(np.array(alike) > ALIKE)) >= max(3, len(alike)))
