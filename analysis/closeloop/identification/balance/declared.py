@@ -184,11 +184,9 @@ def hung_again(model: Model, rows: Rows) -> Model:
 
     Beside the declared chain alone it stood for friction and wrong links in its own trials, too.
     """
-    for term in model.terms:
-        if term.load is None:
-            continue
-        others = tuple(other for other in model.terms if other is not term)
-        tried = with_load(replace(model, terms=others), rows, term.load)
+    for load in [term.load for term in model.terms if term.load is not None]:
+        others = tuple(other for other in model.terms if other.load != load)
+        tried = with_load(replace(model, terms=others), rows, load)
         if evaluate(tried, rows).loss < evaluate(model, rows).loss:
             model = tried
     return model

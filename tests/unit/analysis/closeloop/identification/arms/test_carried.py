@@ -7,6 +7,11 @@ import pytest
 
 from analysis.closeloop.identification.arms.carried import supposing_loads
 from analysis.closeloop.identification.arms.links import last_links
+from analysis.closeloop.identification.arms.robot import with_ordinary
+from analysis.closeloop.identification.balance import declared
+from analysis.closeloop.identification.balance.declared import hung_again, load_about
+from analysis.closeloop.identification.balance.model import Model, with_independent
+from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.session.recording import Recording
 from sim.effects.rigid import point_mass
 from tests.testbed.sessions.coupled import in_trials, measured
@@ -61,3 +66,16 @@ def test_a_limb_is_not_asked_for_loads() -> None:
     arm = carrying({2: MASS})
     limb = replace(arm, session=replace(arm.session, limb_joints=("b",)), cache={})
     assert limb.limbs and supposed(limb) == []
+
+
+def test_of_several_loads_each_hangs_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first was hung anew, and the second beside itself, which was on its way."""
+    monkeypatch.setattr(declared, "PLACE_STEPS", 1)
+    arm = supposing_loads(carrying({1: MASS, 3: 2 * MASS}))
+    rows = select_rows(arm, arm.fit_trials)
+    model = with_ordinary(Model(arm), rows)
+    for load in {trial.payload: None for trial in arm.session.trials if trial.payload}:
+        # Not where it hangs.
+        model = with_independent(model, load_about(arm, load, np.array([0.0, 0.3, -0.3])), rows)
+    loads = [term.load for term in hung_again(model, rows).terms if term.load is not None]
+    assert len(loads) == len(set(loads)) == 2
