@@ -5,18 +5,22 @@ from scipy.stats import f
 
 from analysis.closeloop.identification.balance.model import Candidate, Model
 from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE, Fits
+from sim.effects.catalogue import BY_NAME
+
+ZERO = BY_NAME["position_offset"]
 
 
 def surely_there(fits: Fits, model: Model, coefficients: np.ndarray, candidate: Candidate) -> float:
     """Return how sure it is that an added effect is there at all; up to 1 it may be nothing.
 
     What passes the effort on, as a delay does, has one size at every place, and its interval may
-    not hold zero. Of other effects the law is an approximation, and an interval that holds what an
-    error of form does says how large they are, not whether they are. One of their coefficients has
-    to be beyond its 90 % interval over trials, or all of them beyond their common region: a drift's
-    rate and its beginning are known together where neither is alone. (Chosen while looking at the
-    asymmetry of EMPS's friction, at the inertia of elbows, and at a pair with an end-range torque;
-    the region while looking at drifts of the unkind bench, limb 3074 and arm 12218, tuning seeds.)
+    not hold zero. So has a wrong zero of a robot's joint. Of other effects the law is an
+    approximation, and an interval that holds what an error of form does says how large they are,
+    not whether they are. One of their coefficients has to be beyond its 90 % interval over trials,
+    or all of them beyond their common region: a drift's rate and its beginning are known together
+    where neither is alone. (Chosen while looking at the asymmetry of EMPS's friction, at the
+    inertia of elbows, and at a pair with an end-range torque; the region while looking at drifts of
+    the unkind bench, limb 3074 and arm 12218, tuning seeds; the zero at two arms of an opponent.)
 
     Args:
         fits: of `model`, from `leave_out`; with the form held, for that of no effect means nothing
@@ -39,9 +43,13 @@ def surely_there(fits: Fits, model: Model, coefficients: np.ndarray, candidate: 
     for (term, own), (_, every) in zip(
         model.split(coefficients), model.split(fits.coefficients), strict=True
     ):
-        if term.candidate == candidate:
-            sure += [_sure(fits, own[[one]], every[:, [one]]) for one in range(len(own))]
-            sure.append(_sure(fits, own, every))
+        if term.candidate != candidate:
+            continue
+        if candidate.effect is ZERO and candidate.joint not in model.recording.limbs:
+            ends = fits.interval(every[:, 0], float(own[0]))
+            return float(abs(own[0]) / np.abs(np.subtract(ends, own[0])).max())
+        sure += [_sure(fits, own[[one]], every[:, [one]]) for one in range(len(own))]
+        sure.append(_sure(fits, own, every))
     return max(sure)
 
 

@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.presence import _sure
+from analysis.closeloop.identification.balance.model import Candidate, Model, Term
+from analysis.closeloop.identification.balance.presence import _sure, surely_there
 from analysis.closeloop.identification.balance.uncertainty import Fits
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.coupled import moving
 
 
 def means(sample: np.ndarray) -> Fits:
@@ -38,3 +41,22 @@ def test_two_coefficients_may_be_sure_together_where_neither_is_alone() -> None:
     assert _sure(fits, fits.coefficients[0], fits.coefficients) > 5.0
     few = means(np.ones((2, 2)))
     assert _sure(few, few.coefficients[0], few.coefficients) == 0.0
+
+
+@pytest.mark.parametrize(("apart", "there"), [(0.0, True), (0.02, False)])
+def test_a_robot_s_wrong_zero_has_one_size_at_every_place(apart: float, there: bool) -> None:
+    """Other effects are laws, whose size may differ; two arms had a zero that was none."""
+    here = Candidate(effect=BY_NAME["position_offset"], joint=1)
+    term = Term(effect=here.effect, joint=1, columns={}, kept=(0,), candidate=here)
+    trials, places = 0.01 + 1e-4 * np.arange(-3, 4), 0.01 + apart * np.linspace(-1.0, 1.0, 8)
+    every = np.concatenate([[0.01], trials, places, np.full(8, 0.01)])[:, None]
+    nothing = np.empty((0, 0))
+    fits = Fits(
+        coefficients=every,
+        thetas={},
+        steps=np.empty(0),
+        sizes=(len(trials), len(places), 8),
+        white=(nothing, nothing, nothing),
+    )
+    sure = surely_there(fits, Model(moving(), terms=(term,)), every[0], here)
+    assert (sure > 1.0) is there
