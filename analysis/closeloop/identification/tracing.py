@@ -13,7 +13,7 @@ import numpy as np
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.arms.breakaway import with_breakaway
 from analysis.closeloop.identification.arms.explainable import explainable_by_joint
-from analysis.closeloop.identification.arms.gains import untold_gain
+from analysis.closeloop.identification.arms.gains import gain_or_payload, untold_gain
 from analysis.closeloop.identification.arms.holdouts import not_worse
 from analysis.closeloop.identification.arms.motors import untold_motors
 from analysis.closeloop.identification.arms.robot import (
@@ -25,7 +25,7 @@ from analysis.closeloop.identification.arms.robot import (
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.identification.balance.model import Model, evaluate
-from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.regression import Rows, compare, select_rows
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Option, Step, Trace
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
@@ -81,6 +81,8 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     grown, refusals = held_in_octaves(grown, rows)
     grown, unsure = determined(grown, rows)
     grown, notes = not_worse(grown, declared, rows)
+    if not limbs:
+        grown = _with_twins(grown, rows)
     if grown.steps:
         beyond = explainable(grown.model, rows)
     found = replace(
@@ -129,6 +131,20 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
             )
         )
     )
+
+
+def _with_twins(grown: Grown, rows: Rows) -> Grown:
+    """Say of a gain and of a payload that the other one does as well, if it does in the end."""
+    steps = []
+    for step in grown.steps:
+        rest = grown.model.without(step.taken.candidate)
+        gain, error = compare(evaluate(rest, rows).losses, grown.score.losses)
+        taken = replace(step.taken, model=grown.model, score=grown.score, gain=gain, z=gain / error)
+        there = {option.candidate.key for option in step.equals}
+        twins = gain_or_payload(taken, rest, rows)
+        twins = tuple(twin for twin in twins if twin.candidate.key not in there)
+        steps.append(replace(step, equals=(*step.equals, *twins)))
+    return replace(grown, steps=tuple(steps))
 
 
 def _with_rests(found: Trace) -> Trace:

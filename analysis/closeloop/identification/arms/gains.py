@@ -19,8 +19,10 @@ from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.nameable import one_way
 from analysis.closeloop.identification.selection import EQUAL_SHARE
 from sim.effects.catalogue import BY_NAME
+from sim.effects.effect import Effect
 
 GAIN, INERTIA = BY_NAME["torque_gain"], BY_NAME["added_inertia"]
+PAYLOAD = BY_NAME["payload"]
 COULOMB, OFFSET = BY_NAME["coulomb_friction"], BY_NAME["torque_offset"]
 #: Gains of all joints are one if they differ by no more than this share.
 ALIKE = 0.05
@@ -96,11 +98,24 @@ def alike(option: Option, rest: Model, rows: Rows) -> tuple[Option, ...]:
         rest: its model without it.
         rows: the samples to fit.
     """
-    joint = option.candidate.joint
     twins = {GAIN: INERTIA, INERTIA: GAIN}
-    if one_way(rows, joint):
+    if one_way(rows, option.candidate.joint):
         twins |= {COULOMB: OFFSET}
-    effect = twins.get(option.candidate.effect)
+    return _as_well(option, twins.get(option.candidate.effect), rest, rows)
+
+
+def gain_or_payload(option: Option, rest: Model, rows: Rows) -> tuple[Option, ...]:
+    """Return a gain in the place of a payload of a robot's one joint, or a payload in a gain's.
+
+    Beside friction that is not there yet, one of them may seem the better; arguments as of `alike`.
+    """
+    twins = {GAIN: PAYLOAD, PAYLOAD: GAIN}
+    return _as_well(option, twins.get(option.candidate.effect), rest, rows)
+
+
+def _as_well(option: Option, effect: Effect | None, rest: Model, rows: Rows) -> tuple[Option, ...]:
+    """Return another effect of the same joint in the place of an option, if it does as well."""
+    joint = option.candidate.joint
     if effect is None or not effect.applies(rest.recording, joint):
         return ()
     twin = Candidate(effect=effect, joint=joint)

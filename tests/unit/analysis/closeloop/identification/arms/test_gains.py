@@ -1,12 +1,20 @@
 """Efforts of a whole arm in another unit are one gain, and no links of another mass."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.gains import gain_of_all, untold_gain
-from analysis.closeloop.identification.balance.model import evaluate
-from analysis.closeloop.identification.balance.regression import select_rows
-from sim.effects.catalogue import LINK_INERTIA
+from analysis.closeloop.identification.arms.gains import (
+    gain_of_all,
+    gain_or_payload,
+    untold_gain,
+)
+from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, unfitted
+from analysis.closeloop.identification.balance.regression import compare, select_rows
+from analysis.closeloop.identification.candidates import tried_alone
+from analysis.closeloop.identification.findings import Option
+from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from tests.testbed.sessions.coupled import measured, moving, traced
 
 
@@ -33,3 +41,24 @@ def test_a_gain_of_one_joint_is_none_of_all() -> None:
     assert ("torque_gain", 1) in found
     model, rows = next(iter(found.values())).taken.model, select_rows(recording, (0,))
     assert gain_of_all(model, evaluate(model, rows).coefficients, rows) is None
+
+
+@pytest.mark.parametrize(("distance", "twins"), [(None, ["torque_gain"]), (0.6, [])])
+def test_a_payload_that_a_gain_would_do_for_says_so(
+    distance: float | None, twins: list[str]
+) -> None:
+    """At the centre of percussion a mass is a gain; far beyond it has more inertia."""
+    both = moving()
+    arm = replace(both, joints=(1,), effort=np.zeros_like(both.effort), cache={})
+    rest, here = Model(arm), Candidate(effect=BY_NAME["payload"], joint=1)
+    torque = 1.5 * arm.inverse
+    if distance is not None:
+        more = here.effect.columns(unfitted(arm, 1), {"distance": distance})[1]
+        torque = arm.inverse + 0.2 * np.where(np.arange(3) == 1, more, 0.0)
+    recording = measured(arm, torque)
+    rows, rest = select_rows(recording, (0,)), replace(rest, recording=recording)
+    found = tried_alone(rest, rows, here)
+    assert found is not None
+    gain, error = compare(evaluate(rest, rows).losses, found[1].losses)
+    option = Option(candidate=here, model=found[0], score=found[1], gain=gain, z=gain / error)
+    assert [o.candidate.effect.name for o in gain_or_payload(option, rest, rows)] == twins
