@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.log import Numbers
+from analysis.closeloop.logs.units import UNITS
 
 #: What a clock's median step, s, may be for a recording of joints.
 STEPS = (1e-5, 0.2)
@@ -17,7 +18,7 @@ PARTS: Mapping[str, float] = {
     **dict.fromkeys(("nanosec", "nanosecs", "nsec", "nsecs"), 1e-9),
     **dict.fromkeys(("usec", "usecs"), 1e-6),
 }
-CLOCKS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+CLOCKS: Mapping[str, float] = {u: UNITS[u].scale for u in ("s", "ms", "us", "ns")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +55,10 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
     """Find the clock of channels of one length, unless they came with one."""
     if beliefs[group[0]].channel.time is not None or _in_two_columns(beliefs, group):
         return
-    for at in sorted(group, key=lambda at: beliefs[at].quantity != "time"):
+    likely = sorted(
+        group, key=lambda at: (beliefs[at].quantity != "time", beliefs[at].unit not in CLOCKS)
+    )
+    for at in likely:
         belief = beliefs[at]
         if belief.quantity not in ("time", "unknown"):
             continue
@@ -67,7 +71,7 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
         if belief.quantity == "unknown" and np.all(steps == 1.0):
             beliefs[at] = replace(belief, why="counts the samples, or milliseconds: say which")
             continue
-        unit = units[0]
+        unit = belief.unit if belief.unit in units else units[0]
         beliefs[at] = replace(
             belief,
             quantity="time",

@@ -104,7 +104,11 @@ def _moving(beliefs: list[Belief], group: list[int]) -> list[int]:
         for at in group
         if (
             beliefs[at].quantity in CHAIN
-            or (beliefs[at].quantity == "unknown" and is_nameless(beliefs[at].channel))
+            or (
+                beliefs[at].quantity == "unknown"
+                and beliefs[at].unit == "?"
+                and is_nameless(beliefs[at].channel)
+            )
         )
         and np.mean(np.isfinite(beliefs[at].channel.values)) > MOSTLY
     ]
