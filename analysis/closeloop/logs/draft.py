@@ -14,6 +14,7 @@ import numpy as np
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.log import Numbers
+from analysis.closeloop.logs.units import UNITS
 from intake.xml import listed
 
 SIGNALS = ("position", "velocity", "acceleration", "effort")
@@ -103,9 +104,12 @@ def joint_name(belief: Belief) -> str | None:
 def joint_names(beliefs: Sequence[Belief], known: Sequence[str] = ()) -> list[str]:
     """Return the names of the log's joints in order: the log's own, else `known`, else numbers.
 
-    A name of the log's that ends as one of `known` alone does, but for marks, means that.
+    A name of the log's that ends as one of `known` alone does, but for marks, means that; where
+    log and model have a single joint, it is the same.
     """
     count = 1 + max((b.joint for b in beliefs if b.joint is not None), default=-1)
+    if count == len(known) == 1:
+        return list(known)
     own = {b.joint: name for b in beliefs if b.joint is not None and (name := joint_name(b))}
     spare = list(known) if len(known) == count else [f"joint_{n + 1}" for n in range(count)]
     names = [own.get(number, spare[number]) for number in range(count)]
@@ -128,6 +132,34 @@ def _plain(name: str) -> str:
     return re.sub(r"[\W_]", "", name).lower()
 
 
+def of_only_joint(beliefs: Sequence[Belief], known: Sequence[str]) -> list[str]:
+    """Say of a log's only joint that it is taken for the model's, if it has another name."""
+    own = joint_names(beliefs)
+    if len(own) != 1 or len(known) != 1 or not any(map(joint_name, beliefs)):
+        return []
+    if _meant(own[0], known):
+        return []
+    return [f"the log's only joint, {own[0]}, is taken for the model's, {known[0]}"]
+
+
+def of_currents(beliefs: Sequence[Belief], joints: Sequence[str]) -> list[str]:
+    """Say how to make a torque of each current that stands for the effort of its joint."""
+    said: dict[int, str] = {}
+    efforts = {b.joint for b in beliefs if b.quantity == "effort" and not b.wanted}
+    for belief in beliefs:
+        if belief.quantity != "current" or belief.wanted or belief.joint in {None, *efforts}:
+            continue
+        assert belief.joint is not None
+        name, unit = belief.channel.name, belief.unit if belief.unit in UNITS else "A"
+        said.setdefault(
+            belief.joint,
+            f"{name} is a current: say --as '{name}={joints[belief.joint]}.effort*NM_PER_{unit}', "
+            "with the motor's torque constant times its gear's ratio for the factor; without it a "
+            "current of 1 A is taken for 1 Nm, and no torque, mass or stiffness found is right",
+        )
+    return [*said.values()]
+
+
 def of_other_joints(names: Sequence[str], known: Sequence[str]) -> list[str]:
     """Say which joints of a log a model does not have."""
     unknown = [name for name in names if name not in known]
@@ -135,7 +167,7 @@ def of_other_joints(names: Sequence[str], known: Sequence[str]) -> list[str]:
         return []
     return [
         f"the model has no joint {listed(unknown)}, but {listed(known)}: say "
-        "'CHANNEL=JOINT.QUANTITY' of each channel"
+        "--as 'CHANNEL=JOINT.QUANTITY' of each channel"
     ]
 
 
@@ -185,7 +217,8 @@ def write_session(
         raise SessionError("is not an empty folder", file=str(folder))
     taken: dict[str, Belief] = {}
     others: dict[str, list[str]] = {}
-    for belief in beliefs:
+    # A current stands for an effort only where there is none.
+    for belief in sorted(beliefs, key=lambda belief: belief.quantity == "current"):
         quantity = "effort" if belief.quantity == "current" else belief.quantity
         if quantity in SIGNALS and not belief.wanted and belief.joint is not None:
             name = f"{joints[belief.joint]}.{quantity}"
@@ -193,19 +226,21 @@ def write_session(
                 others.setdefault(name, []).append(belief.channel.name)
     for quantity in ("position", "effort"):
         if not any(name.endswith(f".{quantity}") for name in taken):
+            channels = listed(b.channel.name for b in beliefs if b.quantity != "time")
             raise SessionError(
-                f"no {quantity} is known: name its channel, as in 'column 14=elbow.{quantity}*1.0'",
+                f"no {quantity} is known among {channels}: name its channel, as in --as "
+                f"'CHANNEL=elbow.{quantity}*FACTOR_TO_SI'",
                 file=stem,
             )
     time = next(b.channel.time for name, b in taken.items() if name.endswith(".position"))
     if time is None:
         raise SessionError(
-            "no clock is known: name its channel, as in 'column 1=time*0.001', or give --rate",
+            "no clock is known: name its channel, as in --as 'column 1=time*0.001', or give --rate",
             file=stem,
         )
     remarks = [
         f"{taken[name].channel.name} is taken for {name}, and not {' or '.join(channels)}: for "
-        f"another say '{channels[0]}={name}'"
+        f"another say --as '{channels[0]}={name}'"
         for name, channels in others.items()
     ]
     for name, belief in list(taken.items()):
@@ -217,17 +252,15 @@ def write_session(
             unit = belief.unit.rstrip("?") or "SI units"
             remarks.append(
                 f"{belief.channel.name} is taken for {name} in {unit}; if it is not, say "
-                f"'{belief.channel.name}={name}*FACTOR_TO_SI'"
+                f"--as '{belief.channel.name}={name}*FACTOR_TO_SI'"
             )
-    remarks += [
-        f"{belief.channel.name} is a current, and taken for {name} as it is, 1 Nm an ampere: no "
-        f"torque, mass or stiffness found is right before you say '{belief.channel.name}={name}"
-        "*NM_PER_AMPERE'"
-        for name, belief in taken.items()
-        if belief.quantity == "current"
-    ]
     table = np.column_stack([time, *(b.scale * b.channel.values for b in taken.values())])
     whole = np.isfinite(table).all(axis=1)
+    if not whole.any():
+        raise SessionError(
+            f"no sample has a number in each of {listed(b.channel.name for b in taken.values())}",
+            file=stem,
+        )
     if not whole.all():
         remarks.append(f"{np.sum(~whole)} samples without a number were left out")
     parts, repeated = _parts(table[whole])
