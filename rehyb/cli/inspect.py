@@ -114,6 +114,7 @@ def _print(kind: str, clocks: list[Json], rows: list[Json], lines: list[str]) ->
             f"clock: {clock['samples']} samples at {clock['rate']:.4g} Hz, steps spread by "
             f"{clock['jitter']:.1%}, {clock['gaps']} gaps (longest step "
             f"{clock['longest_gap']:.3g} s), {clock['repeated']} stamps that do not increase"
+            + (f", begins anew {clock['restarts']} times" if clock["restarts"] else "")
         )
     print_rows(("channel", "seems", "joint", "unit", "least", "most", "missing", "why"), rows)
     for line in lines:

@@ -4,7 +4,7 @@ import csv
 import json
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
+from analysis.closeloop.logs.clock import stretches
 from analysis.closeloop.logs.log import Numbers
 from analysis.closeloop.logs.units import UNITS
 from intake.xml import listed
@@ -232,7 +233,8 @@ def write_session(
                 f"'CHANNEL=elbow.{quantity}*FACTOR_TO_SI'",
                 file=stem,
             )
-    time = next(b.channel.time for name, b in taken.items() if name.endswith(".position"))
+    position = next(b for name, b in taken.items() if name.endswith(".position"))
+    time = position.channel.time
     if time is None:
         raise SessionError(
             "no clock is known: name its channel, as in --as 'column 1=time*0.001', or give --rate",
@@ -255,7 +257,7 @@ def write_session(
                 f"--as '{belief.channel.name}={name}*FACTOR_TO_SI'"
             )
     table = np.column_stack([time, *(b.scale * b.channel.values for b in taken.values())])
-    whole = np.isfinite(table).all(axis=1)
+    whole = np.asarray(np.isfinite(table).all(axis=1))
     if not whole.any():
         raise SessionError(
             f"no sample has a number in each of {listed(b.channel.name for b in taken.values())}",
@@ -263,17 +265,22 @@ def write_session(
         )
     if not whole.all():
         remarks.append(f"{np.sum(~whole)} samples without a number were left out")
-    parts, repeated = _parts(table[whole])
+    begins = {int(whole[:at].sum()): name for name, at in position.channel.trials}
+    parts, repeated, restarts = _parts(table[whole], begins)
     if repeated:
         remarks.append(f"{repeated} samples that repeat a stamp were left out")
-    if len(parts) > 1:
+    if restarts:
         remarks.append(
-            f"the clock begins anew {len(parts) - 1} times: each part is a trial, and begins 1 s "
-            "after the one before"
+            f"the clock begins anew {restarts} times: each part is a trial, and begins 1 s after "
+            "the one before"
         )
     folder.mkdir(parents=True, exist_ok=True)
     files = [f"{stem}.csv" if len(parts) == 1 else f"{stem}_{n + 1}.csv" for n in range(len(parts))]
-    for name, part in zip(files, parts, strict=True):
+    trials = [
+        {"file": file, **({"label": label} if label else {})}
+        for file, (label, _) in zip(files, parts, strict=True)
+    ]
+    for name, (_, part) in zip(files, parts, strict=True):
         with (folder / name).open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(["time", *taken])
@@ -286,27 +293,29 @@ def write_session(
         shutil.copyfile(model, folder / name)
     else:
         remarks.append(f"put the robot's MJCF or URDF into the folder as {name}")
-    session = {"schema": 1, "model": name, "trials": [{"file": file} for file in files]}
+    session = {"schema": 1, "model": name, "trials": trials}
     (folder / "session.json").write_text(json.dumps(session, indent=2) + "\n")
     return remarks
 
 
-def _parts(table: Numbers) -> tuple[list[Numbers], int]:
-    """Return the parts of a table between restarts of its clock, and how many stamps repeat.
+def _parts(table: Numbers, begins: Mapping[int, str]) -> tuple[list[tuple[str, Numbers]], int, int]:
+    """Return the trials of a table with what the log calls each, "" if nothing.
 
-    A step back by more than ten median steps is a restart; a smaller one, or none, is a stamp that
-    repeats. Later parts are shifted, so that the clock of the session goes on.
+    A trial begins where one does in the log (`begins`), and where the clock begins anew. Such
+    trials are shifted, so that the clock of the session goes on. Stamps that repeat are left out:
+    after the trials come how many they are, and how often the clock begins anew.
     """
-    steps = np.diff(table[:, 0])
-    step = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 1.0
-    parts, repeated, end = [], 0, -np.inf
-    for part in np.split(table, np.flatnonzero(steps < -10 * step) + 1):
+    parts, repeated, restarts, end, label = [], 0, 0, -np.inf, ""
+    for samples in stretches(table[:, 0], [*begins]):
+        label = begins.get(samples.start, label)
+        part = table[samples]
         highest = np.maximum.accumulate(part[:, 0])
         later = np.concatenate([[True], part[1:, 0] > highest[:-1]])
         repeated += int(np.sum(~later))
         part = part[later]
         if part[0, 0] <= end:
             part[:, 0] += end + 1.0 - part[0, 0]
+            restarts += 1
         end = part[-1, 0]
-        parts.append(part)
-    return parts, repeated
+        parts.append((label, part))
+    return parts, repeated, restarts
