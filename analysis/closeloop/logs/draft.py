@@ -126,6 +126,9 @@ def _meant(name: str, known: Sequence[str]) -> str | None:
     alike = [other for other in known if _plain(other) and plain.endswith(_plain(other))]
     longest = max((len(_plain(other)) for other in alike), default=0)
     alike = [other for other in alike if len(_plain(other)) == longest]
+    # Or the one that stands in its middle as a word.
+    words = re.split(r"[\W_]+", name.lower())
+    alike = alike or [other for other in known if other.lower() in words]
     return alike[0] if len(alike) == 1 else None
 
 

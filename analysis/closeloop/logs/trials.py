@@ -45,7 +45,7 @@ def join_trials(log: Log) -> None:
         ]
         if left:
             log.remarks.append(f"not every trial has {listed(left)}, and they were left out")
-        labels = {place: _label(parent, place) for place in places}
+        labels = {place: _label(parent or "trial", place) for place in places}
         told = [
             f"{labels[place]} ({len(next(iter(signals.values())).values)} samples)"
             for place, signals in places.items()
