@@ -135,7 +135,7 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
             rest, unit = channel.name, None
     elif unit and not named and sure and UNITS[unit].tells:
         named, why = measured, BY_UNIT
-    if {*words} & {*TOOLS}:
+    if {*words} & {*TOOLS} and "joint" not in words and channel.unit is None:
         return "unknown", unit or "?", "", "of a tool, not of a joint"
     if not named:
         return "unknown", unit or "?", "", ""

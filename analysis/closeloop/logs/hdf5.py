@@ -36,6 +36,10 @@ def read(path: Path, *, kind: str = "HDF5") -> Log:
                 if size > MAX_NUMBERS:
                     what = f"declares {size} numbers; at most {MAX_NUMBERS}"
                     raise SessionError(what, file=path.name)
+                unit = item.attrs.get("unit", item.attrs.get("units"))
+                if isinstance(unit, str) and unit:
+                    # A path has its slashes for places.
+                    name = f"{name} [{unit.replace('/', '_')}]"
                 arrays.append((name, item[()]))
     except SessionError:
         raise

@@ -54,14 +54,18 @@ def join_trials(log: Log) -> None:
         kept = [channel for channel in log.channels if channel.name not in gone]
         # What only numbers elements is no part of a signal's name.
         above = parent[: parent.rstrip("/").rfind("/") + 1]
-        taken = {"", *(channel.name for channel in kept)}
-        short = {f"{above}{name}".partition("[")[0] for name in common}
-        if not all(map(str.isdigit, places)) or short & taken:
+        taken = {channel.name for channel in kept}
+        if not all(map(str.isdigit, places)) or any(f"{above}{name}" in taken for name in common):
             above = parent
         log.channels = kept + [
-            _joined(f"{above}{name}", {labels[p]: places[p][name] for p in places})
+            _joined(_named(f"{above}{name}"), {labels[p]: places[p][name] for p in places})
             for name in common
         ]
+
+
+def _named(path: str) -> str:
+    """Return a name for a column of matrices that have none."""
+    return f"column {int(path[1:-1]) + 1}" if path.startswith("[") else path
 
 
 def _trials_in(channels: Sequence[Channel]) -> tuple[str, Places] | None:

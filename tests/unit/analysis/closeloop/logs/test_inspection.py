@@ -341,6 +341,7 @@ def test_a_franka_wants_what_it_calls_q_d_and_its_hand_is_no_joint() -> None:
     assert [name for name, b in found.items() if b.wanted] == ["q_d[0]", "q_d[1]"]
     assert found["tau_J[1]"].joint == found["q[1]"].joint == 1
     assert found["O_T_EE[0]"].quantity == "unknown"
+    assert believed(time=m["time"], tool_joint_pos=q[:, 0])["tool_joint_pos"].joint == 0
     # Of four joints a to d none is what another should be.
     letters = {f"q_{letter}": q[:, 0] + n for n, letter in enumerate("abcd")}
     assert not any(b.wanted for b in believed(time=m["time"], **letters).values())

@@ -116,13 +116,43 @@ def test_elements_of_a_matlab_structure_and_cells_are_trials(tmp_path: Path, cel
     assert tables[1][:, 2] == pytest.approx(3 * trials()[1]["angle"], abs=1e-8)
 
 
-def test_a_cell_of_matrices_holds_trials(tmp_path: Path) -> None:
+@pytest.mark.parametrize("cell", [False, True])
+def test_matrices_without_names_are_told_by_physics(tmp_path: Path, cell: bool) -> None:
+    tables = [np.column_stack([*trial.values()]) for trial in trials()]
     array = np.empty(3, dtype=object)
-    array[:] = [np.column_stack([*trial.values()]) for trial in trials()]
-    log = matlab(tmp_path, data=array)
-    assert [(channel.name, len(channel.values)) for channel in log.channels] == [
-        (f"data[{number}]", sum(LENGTHS)) for number in range(4)
+    array[:] = tables
+    numbered = {f"run{number}": table for number, table in enumerate(tables)}
+    log = matlab(tmp_path, **({"x": array} if cell else numbered))
+    found = {belief.channel.name: belief for belief in believe(log)}
+    assert {len(channel.values) for channel in log.channels} == {sum(LENGTHS)}
+    assert list(found) == [f"column {number}" for number in (1, 2, 3, 4)]
+    assert (found["column 1"].quantity, found["column 4"].quantity) == ("time", "velocity")
+
+
+def test_cells_side_by_side_are_trials(tmp_path: Path) -> None:
+    cells = {name: np.empty(3, dtype=object) for name in trials()[0]}
+    for number, trial in enumerate(trials()):
+        for name, values in trial.items():
+            cells[name][number] = values
+    told, _, _ = session_of(matlab(tmp_path, **cells), tmp_path / "session")
+    assert [trial["label"] for trial in told] == ["trial 1", "trial 2", "trial 3"]
+
+
+def test_trials_of_several_days_are_in_order(tmp_path: Path) -> None:
+    days = {f"day{day}/trial{n}": trial for day in (1, 2) for n, trial in enumerate(trials())}
+    told, _, _ = session_of(hdf5(tmp_path, days), tmp_path / "session")
+    assert [trial["label"] for trial in told] == [
+        f"day{day} trial{number}" for day in (1, 2) for number in range(3)
     ]
+
+
+def test_a_unit_beside_a_data_set_is_read(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for name, unit in (("q", "deg"), ("dq", "deg/s")):
+            file[name] = np.sin(np.arange(100.0))
+            file[name].attrs["units"] = unit
+    found = believe(read_log(tmp_path / "log.h5"))
+    assert sorted(belief.unit for belief in found) == ["deg", "deg/s"]
 
 
 @pytest.mark.parametrize("cell", [False, True])
