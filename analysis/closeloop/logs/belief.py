@@ -136,9 +136,9 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
     elif unit and not named and sure and UNITS[unit].tells:
         named, why = measured, BY_UNIT
     if {*words} & {*TOOLS} and "joint" not in words and channel.unit is None:
-        return "unknown", unit or "?", "", "of a tool, not of a joint"
+        return "unknown", channel.unit or unit or "?", "", "of a tool, not of a joint"
     if not named:
-        return "unknown", unit or "?", "", ""
+        return "unknown", channel.unit or unit or "?", "", ""
     spare = {*WORDS[named], *WANTED, *SPARE}
     stem = "_".join(word for word in _tokens(rest) if word not in spare)
     return named, channel.unit or unit or "?", stem, why
