@@ -102,13 +102,15 @@ def print_json(content: Any) -> None:
 def print_rows(columns: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> None:
     """Print what `rows` have under `columns`: a table, or where that is too wide lines."""
     from rich.console import Console
+    from rich.text import Text
 
     from rehyb.display import ANY_WIDTH, plain_table
 
     console = Console()
     table = plain_table(*columns)
     for row in rows:
-        table.add_row(*(str(row.get(column, "")) for column in columns))
+        # A name may have brackets, which are no markup.
+        table.add_row(*(Text(str(row.get(column, ""))) for column in columns))
     if console.measure(table, options=console.options.update(width=ANY_WIDTH)).maximum <= (
         console.width
     ):

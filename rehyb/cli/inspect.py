@@ -51,6 +51,8 @@ def inspect(
         assigned,
         joint_names,
         joints_in,
+        of_currents,
+        of_only_joint,
         of_other_joints,
         write_session,
     )
@@ -65,7 +67,8 @@ def inspect(
             joints = joint_names(beliefs, known)
             joints = [named.get(number, name) for number, name in enumerate(joints)]
             left = write_session(out, file.stem, beliefs, joints, model) if out else []
-            left += of_other_joints(joints, known)
+            left += of_currents(beliefs, joints) + of_other_joints(joints, known)
+            left += [] if named else of_only_joint(beliefs, known)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     rows = [_row(belief, joints) for belief in beliefs]
@@ -111,6 +114,7 @@ def _print(kind: str, clocks: list[Json], rows: list[Json], lines: list[str]) ->
             f"clock: {clock['samples']} samples at {clock['rate']:.4g} Hz, steps spread by "
             f"{clock['jitter']:.1%}, {clock['gaps']} gaps (longest step "
             f"{clock['longest_gap']:.3g} s), {clock['repeated']} stamps that do not increase"
+            + (f", begins anew {clock['restarts']} times" if clock["restarts"] else "")
         )
     print_rows(("channel", "seems", "joint", "unit", "least", "most", "missing", "why"), rows)
     for line in lines:

@@ -1,16 +1,29 @@
-"""Arrays as channels: a vector is one, a matrix one for each of its shorter side."""
+"""Arrays as a log: a vector is one channel, a matrix one for each of its shorter side."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
-from analysis.closeloop.logs.log import Channel
+from analysis.closeloop.logs.log import Channel, Log
+from analysis.closeloop.logs.trials import join_trials
 
 #: A matrix with more signals is no recording of joints.
 MAX_SIGNALS = 200
 
 
-def channels(arrays: Iterable[tuple[str, np.ndarray]]) -> list[Channel]:
+def log_of(kind: str, arrays: Iterable[tuple[str, np.ndarray]]) -> Log:
+    """Return the log of arrays by their paths, `run_1/elbow/q`, with trials joined."""
+    log = Log(kind=kind, channels=_channels(arrays))
+    join_trials(log)
+    log.channels = [
+        replace(channel, name=channel.name.replace("/[", "[").replace("/", "."))
+        for channel in log.channels
+    ]
+    return log
+
+
+def _channels(arrays: Iterable[tuple[str, np.ndarray]]) -> list[Channel]:
     """Return the channels of named arrays; those of fewer than two samples are left out."""
     found = []
     for name, array in arrays:
@@ -20,7 +33,7 @@ def channels(arrays: Iterable[tuple[str, np.ndarray]]) -> list[Channel]:
         elif values.ndim == 2 and min(values.shape) <= MAX_SIGNALS:
             table = values if values.shape[0] >= values.shape[1] else values.T
             found += [
-                Channel(name=f"{name}[{number}]", values=table[:, number])
+                Channel(name=f"{name}/[{number}]", values=table[:, number])
                 for number in range(table.shape[1])
             ]
     return found

@@ -1,16 +1,17 @@
 """What a channel is taken for, and what its name alone says of that."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.closeloop.logs.log import Channel
+from analysis.closeloop.logs.units import UNITS, parted
 
 #: Words that name a quantity.
 WORDS: Mapping[str, tuple[str, ...]] = {
-    "time": ("time", "timestamp", "stamp", "t", "sec", "secs", "clock"),
+    "time": ("time", "timestamp", "stamp", "t", "sec", "secs", "msec", "clock"),
     "position": ("position", "pos", "q", "angle", "theta"),
     "velocity": ("velocity", "vel", "qd", "dq", "v", "qdot", "speed", "omega"),
     "acceleration": ("acceleration", "acc", "qdd", "ddq", "qddot"),
@@ -18,14 +19,18 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "current": ("current", "curr", "i", "amp", "amps"),
 }
 #: Words of a name that say nothing of the joint.
-UNITS = ("deg", "rad", "s", "mm", "m", "nm", "n", "ma", "a", "measured", "actual", "data")
+SPARE = ("deg", "rad", "s", "mm", "m", "nm", "n", "ma", "measured", "actual", "data")
+#: Words of what is no joint: a tool's force is no joint's effort.
+TOOLS = ("tcp", "tool", "ee", "flange")
 #: Words of a channel that was wanted and not measured.
 WANTED = (
     *("ref", "reference", "des", "desired", "target", "setpoint", "goal"),
-    *("cmd", "command", "commanded", "cmptd", "computed"),
+    *("cmd", "command", "commanded", "cmptd", "computed", "soll", "sollwert"),
 )
 #: Derivatives of a position, in order.
 CHAIN = ("position", "velocity", "acceleration")
+#: Why a channel whose name has no word for it is of a quantity.
+BY_UNIT = "by its unit"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,53 +62,89 @@ def _tokens(name: str) -> list[str]:
 
 
 def by_name(channel: Channel) -> Belief:
+    """Return what the words and the unit of a channel's name say, the unit before a word."""
     words = _tokens(channel.name)
     finite = channel.values[np.isfinite(channel.values)]
     if len(finite) < 2:
         return Belief(channel=channel, quantity="unknown", why="holds hardly a number")
     wanted = any(word in WANTED for word in words)
-    named = next((q for q, names in WORDS.items() if any(w in names for w in words)), None)
-    still = np.ptp(finite) == 0.0
-    if named is None or still:
-        quantity, why = ("constant", "never changes") if still else ("unknown", "")
-        return Belief(channel=channel, quantity=quantity, wanted=wanted, why=why)
-    return Belief(
-        channel=channel,
-        quantity=named,
-        unit=channel.unit or _unit_in(channel.name),
-        wanted=wanted,
-        stem=stem_of(channel.name, named),
-        why="by its name",
-    )
+    if np.ptp(finite) == 0.0:
+        return Belief(channel=channel, quantity="constant", wanted=wanted, why="never changes")
+    quantity, unit, stem, why = _said(channel)
+    return Belief(channel=channel, quantity=quantity, unit=unit, wanted=wanted, stem=stem, why=why)
 
 
 def held(belief: Belief) -> Belief:
     """Return a constant as the position of a joint that is held, if that is what its name says."""
-    words, name = _tokens(belief.channel.name), belief.channel.name
-    if belief.quantity != "constant" or belief.wanted or not {*words} & {*WORDS["position"]}:
+    quantity, unit, stem, why = _said(belief.channel)
+    if belief.quantity != "constant" or belief.wanted or quantity != "position":
         return belief
-    return replace(
-        belief,
-        quantity="position",
-        unit=belief.channel.unit or _unit_in(name),
-        stem=stem_of(name, "position"),
-        why="by its name; never changes",
-    )
+    return replace(belief, quantity=quantity, unit=unit, stem=stem, why=f"{why}; never changes")
 
 
-def stem_of(name: str, quantity: str) -> str:
-    """Return a channel's name without its quantity and unit."""
-    spare = {*WORDS[quantity], *WANTED, *UNITS}
-    return "_".join(word for word in _tokens(name) if word not in spare)
+def desired(beliefs: Sequence[Belief]) -> list[Belief]:
+    """Return beliefs in which `q_d` is wanted if there is a `q`, too."""
+    names = {tuple(_tokens(belief.channel.name)) for belief in beliefs}
+    found = []
+    for belief in beliefs:
+        words = _tokens(belief.channel.name)
+        if "d" in words and tuple(word for word in words if word != "d") in names:
+            belief = replace(_without(belief, "d"), wanted=True)
+        found.append(belief)
+    return found
+
+
+def without_own_words(beliefs: Sequence[Belief]) -> list[Belief]:
+    """Return beliefs without the words for a quantity in the stems of those told by their unit.
+
+    In any language it is a word that all of them have, and no signal of another quantity.
+    """
+    told = [belief for belief in beliefs if belief.why == BY_UNIT and belief.stem]
+    own: dict[str, set[str]] = {}
+    for quantity in {belief.quantity for belief in told}:
+        alike = [{*belief.stem.split("_")} for belief in told if belief.quantity == quantity]
+        others = {w for b in beliefs if b.quantity != quantity for w in b.stem.split("_")}
+        own[quantity] = {w for w in set.intersection(*alike) - others if not w.isdigit()}
+    return [
+        _without(belief, own.get(belief.quantity, set())) if belief.why == BY_UNIT else belief
+        for belief in beliefs
+    ]
+
+
+def _without(belief: Belief, words: Collection[str]) -> Belief:
+    stem = "_".join(word for word in belief.stem.split("_") if word not in words)
+    return replace(belief, stem=stem)
+
+
+def _said(channel: Channel) -> tuple[str, str, str, str]:
+    """Return quantity, unit, stem and why, by a channel's name; "unknown" and "?" where it is mute.
+
+    Where a unit in the name and a word in it are of two quantities, the unit is right: `u [V]`. A
+    single letter at the end is then no unit, but a joint or a part: `q_A`.
+    """
+    rest, unit, sure = parted(channel.name)
+    words = _tokens(rest)
+    named = next((q for q, names in WORDS.items() if any(w in names for w in words)), None)
+    measured = UNITS[unit].quantity if unit else ""
+    why = "by its name"
+    sloppy = measured == "position" and named in CHAIN  # `speed_deg`
+    if unit and named and named != measured and not sloppy:
+        if sure:
+            named, why = (measured if measured != "time" else ""), BY_UNIT
+        else:
+            rest, unit = channel.name, None
+    elif unit and not named and sure and UNITS[unit].tells:
+        named, why = measured, BY_UNIT
+    if {*words} & {*TOOLS} and "joint" not in words and channel.unit is None:
+        return "unknown", channel.unit or unit or "?", "", "of a tool, not of a joint"
+    if not named:
+        return "unknown", channel.unit or unit or "?", "", ""
+    spare = {*WORDS[named], *WANTED, *SPARE}
+    stem = "_".join(word for word in _tokens(rest) if word not in spare)
+    return named, channel.unit or unit or "?", stem, why
 
 
 def is_nameless(channel: Channel) -> bool:
     """Whether a name says nothing: `column 3`, `x1`, `signals[2]`."""
     words = [word for word in _tokens(channel.name) if not word.isdigit()]
     return all(len(word) <= 2 or word in ("column", "signal", "signals", "data") for word in words)
-
-
-def _unit_in(name: str) -> str:
-    """Return the unit at the end of a name such as `angle_deg` or `torque [Nm]`, or "?"."""
-    found = re.search(r"[_\s(\[](deg[_/]s|rad[_/]s|m[_/]s|deg|rad|mm|m|Nm|N|mA|A)[)\]]?$", name)
-    return found[1].replace("_", "/") if found else "?"

@@ -1,23 +1,27 @@
 """Which channel is the clock of a log, and how regular it is."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.log import Numbers
+from analysis.closeloop.logs.units import UNITS
 
 #: What a clock's median step, s, may be for a recording of joints.
 STEPS = (1e-5, 0.2)
+#: A step back by more median steps is a restart; a smaller one, or none, a stamp that repeats.
+RESTART = 10
 #: The column of a stamp's whole seconds, and what that of the rest is called, in s.
 WHOLE_SECONDS = re.compile(r"(?P<stem>.*?)secs?", re.IGNORECASE)
 PARTS: Mapping[str, float] = {
     **dict.fromkeys(("nanosec", "nanosecs", "nsec", "nsecs"), 1e-9),
     **dict.fromkeys(("usec", "usecs"), 1e-6),
 }
-CLOCKS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+CLOCKS: Mapping[str, float] = {u: UNITS[u].scale for u in ("s", "ms", "us", "ns")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +37,8 @@ class Clock:
     longest_gap: float
     #: Stamps that do not increase.
     repeated: int
+    #: How often it begins anew.
+    restarts: int
 
 
 def clock_of(time: Numbers) -> Clock:
@@ -46,15 +52,32 @@ def clock_of(time: Numbers) -> Clock:
         jitter=float(np.std(regular) / median) if len(regular) else np.nan,
         gaps=int(np.sum(forward > 5 * median)),
         longest_gap=float(forward.max()) if len(forward) else np.nan,
-        repeated=int(np.sum(steps <= 0)),
+        repeated=int(np.sum((steps <= 0) & (steps >= -RESTART * median))),
+        restarts=int(np.sum(steps < -RESTART * median)),
     )
+
+
+def stretches(time: Numbers, begins: Sequence[int] = ()) -> list[slice]:
+    """Return the samples between the restarts of a clock, and between trials; none is empty.
+
+    Args:
+        time: s, shape (n,).
+        begins: samples at which trials begin.
+    """
+    steps = np.diff(time)
+    step = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 1.0
+    cuts = {0, len(time), *begins, *(np.flatnonzero(steps < -RESTART * step) + 1).tolist()}
+    return [slice(a, b) for a, b in pairwise(sorted(cuts)) if b <= len(time)]
 
 
 def find_clock(beliefs: list[Belief], group: list[int]) -> None:
     """Find the clock of channels of one length, unless they came with one."""
     if beliefs[group[0]].channel.time is not None or _in_two_columns(beliefs, group):
         return
-    for at in sorted(group, key=lambda at: beliefs[at].quantity != "time"):
+    likely = sorted(
+        group, key=lambda at: (beliefs[at].quantity != "time", beliefs[at].unit not in CLOCKS)
+    )
+    for at in likely:
         belief = beliefs[at]
         if belief.quantity not in ("time", "unknown"):
             continue
@@ -67,7 +90,7 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
         if belief.quantity == "unknown" and np.all(steps == 1.0):
             beliefs[at] = replace(belief, why="counts the samples, or milliseconds: say which")
             continue
-        unit = units[0]
+        unit = belief.unit if belief.unit in units else units[0]
         beliefs[at] = replace(
             belief,
             quantity="time",

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from analysis.closeloop.logs.belief import CHAIN, Belief, is_nameless
-from analysis.closeloop.logs.clock import set_rate
-from analysis.closeloop.logs.log import Numbers
+from analysis.closeloop.logs.clock import set_rate, stretches
+from analysis.closeloop.logs.log import Channel, Numbers
 
 #: A least correlation of a channel with the derivative of another.
 ALIKE = 0.9
@@ -41,7 +41,7 @@ def find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
     time = beliefs[group[0]].channel.time
     if time is None or not 2 <= len(moving) <= MOST or len(time) < FEWEST:
         return
-    alike, factor = _compared(time, [beliefs[at].channel.values for at in moving])
+    alike, factor = _compared(time, [beliefs[at].channel for at in moving])
     has_derivative: set[int] = set()
     is_derivative: set[int] = set()
     # What was measured is closer to the derivative than what was wanted; of equals, the first.
@@ -82,7 +82,7 @@ def find_rate(beliefs: list[Belief], group: list[int]) -> None:
     if timed or not 4 <= len(moving) <= MOST or samples < FEWEST:
         return
     count = np.arange(float(samples))
-    alike, factor = _compared(count, [beliefs[at].channel.values for at in moving])
+    alike, factor = _compared(count, [beliefs[at].channel for at in moving])
     best = np.argmax(alike, axis=1)
     mutual = np.argmax(alike, axis=0)[best] == np.arange(len(best))
     sure = mutual & (alike.max(axis=1) >= SURELY_ALIKE)
@@ -104,22 +104,31 @@ def _moving(beliefs: list[Belief], group: list[int]) -> list[int]:
         for at in group
         if (
             beliefs[at].quantity in CHAIN
-            or (beliefs[at].quantity == "unknown" and is_nameless(beliefs[at].channel))
+            or (
+                beliefs[at].quantity == "unknown"
+                and beliefs[at].unit == "?"
+                and is_nameless(beliefs[at].channel)
+            )
         )
         and np.mean(np.isfinite(beliefs[at].channel.values)) > MOSTLY
     ]
 
 
-def _compared(time: Numbers, values: Sequence[Numbers]) -> tuple[Numbers, Numbers]:
+def _compared(time: Numbers, channels: Sequence[Channel]) -> tuple[Numbers, Numbers]:
     """Return how alike the derivative of each signal and every other are, and their factor.
+
+    Of several trials, and of a clock that begins anew, the longest is compared.
 
     Args:
         time: s, shape (n,).
-        values: signals, (n,) each; NaN where a sample is missing.
+        channels: signals, (n,) each.
 
     Returns:
         Correlations and factors, shape (signals, signals): row i has the derivative of signal i.
     """
+    begins = [at for _, at in channels[0].trials]
+    longest = max(stretches(time, begins), key=lambda part: part.stop - part.start)
+    time, values = time[longest], [channel.values[longest] for channel in channels]
     even = np.linspace(np.nanmin(time), np.nanmax(time), len(time))
     order = np.argsort(time, kind="stable")
     columns = []
@@ -162,7 +171,7 @@ def _settle_units(beliefs: list[Belief], chain: list[int]) -> None:
     """Tell degrees from radians by the factor between a position and its velocity."""
     position, velocity = beliefs[chain[0]], beliefs[chain[1]]
     assert position.channel.time is not None
-    pair = [position.channel.values, velocity.channel.values]
+    pair = [position.channel, velocity.channel]
     factor = _compared(position.channel.time, pair)[1][0, 1]
     unit = next(u for u in FACTORS if abs(factor / u[0] - 1.0) <= FACTOR_TOLERANCE)
     if unit[1]:

@@ -4,7 +4,7 @@ import csv
 import json
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,7 +13,9 @@ import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
+from analysis.closeloop.logs.clock import stretches
 from analysis.closeloop.logs.log import Numbers
+from analysis.closeloop.logs.units import UNITS
 from intake.xml import listed
 
 SIGNALS = ("position", "velocity", "acceleration", "effort")
@@ -103,9 +105,12 @@ def joint_name(belief: Belief) -> str | None:
 def joint_names(beliefs: Sequence[Belief], known: Sequence[str] = ()) -> list[str]:
     """Return the names of the log's joints in order: the log's own, else `known`, else numbers.
 
-    A name of the log's that ends as one of `known` alone does, but for marks, means that.
+    A name of the log's that ends as one of `known` alone does, but for marks, means that; where
+    log and model have a single joint, it is the same.
     """
     count = 1 + max((b.joint for b in beliefs if b.joint is not None), default=-1)
+    if count == len(known) == 1:
+        return list(known)
     own = {b.joint: name for b in beliefs if b.joint is not None and (name := joint_name(b))}
     spare = list(known) if len(known) == count else [f"joint_{n + 1}" for n in range(count)]
     names = [own.get(number, spare[number]) for number in range(count)]
@@ -121,11 +126,42 @@ def _meant(name: str, known: Sequence[str]) -> str | None:
     alike = [other for other in known if _plain(other) and plain.endswith(_plain(other))]
     longest = max((len(_plain(other)) for other in alike), default=0)
     alike = [other for other in alike if len(_plain(other)) == longest]
+    # Or the one that stands in its middle as a word.
+    words = re.split(r"[\W_]+", name.lower())
+    alike = alike or [other for other in known if other.lower() in words]
     return alike[0] if len(alike) == 1 else None
 
 
 def _plain(name: str) -> str:
     return re.sub(r"[\W_]", "", name).lower()
+
+
+def of_only_joint(beliefs: Sequence[Belief], known: Sequence[str]) -> list[str]:
+    """Say of a log's only joint that it is taken for the model's, if it has another name."""
+    own = joint_names(beliefs)
+    if len(own) != 1 or len(known) != 1 or not any(map(joint_name, beliefs)):
+        return []
+    if _meant(own[0], known):
+        return []
+    return [f"the log's only joint, {own[0]}, is taken for the model's, {known[0]}"]
+
+
+def of_currents(beliefs: Sequence[Belief], joints: Sequence[str]) -> list[str]:
+    """Say how to make a torque of each current that stands for the effort of its joint."""
+    said: dict[int, str] = {}
+    efforts = {b.joint for b in beliefs if b.quantity == "effort" and not b.wanted}
+    for belief in beliefs:
+        if belief.quantity != "current" or belief.wanted or belief.joint in {None, *efforts}:
+            continue
+        assert belief.joint is not None
+        name, unit = belief.channel.name, belief.unit if belief.unit in UNITS else "A"
+        said.setdefault(
+            belief.joint,
+            f"{name} is a current: say --as '{name}={joints[belief.joint]}.effort*NM_PER_{unit}', "
+            "with the motor's torque constant times its gear's ratio for the factor; without it a "
+            "current of 1 A is taken for 1 Nm, and no torque, mass or stiffness found is right",
+        )
+    return [*said.values()]
 
 
 def of_other_joints(names: Sequence[str], known: Sequence[str]) -> list[str]:
@@ -135,7 +171,7 @@ def of_other_joints(names: Sequence[str], known: Sequence[str]) -> list[str]:
         return []
     return [
         f"the model has no joint {listed(unknown)}, but {listed(known)}: say "
-        "'CHANNEL=JOINT.QUANTITY' of each channel"
+        "--as 'CHANNEL=JOINT.QUANTITY' of each channel"
     ]
 
 
@@ -185,7 +221,8 @@ def write_session(
         raise SessionError("is not an empty folder", file=str(folder))
     taken: dict[str, Belief] = {}
     others: dict[str, list[str]] = {}
-    for belief in beliefs:
+    # A current stands for an effort only where there is none.
+    for belief in sorted(beliefs, key=lambda belief: belief.quantity == "current"):
         quantity = "effort" if belief.quantity == "current" else belief.quantity
         if quantity in SIGNALS and not belief.wanted and belief.joint is not None:
             name = f"{joints[belief.joint]}.{quantity}"
@@ -193,19 +230,22 @@ def write_session(
                 others.setdefault(name, []).append(belief.channel.name)
     for quantity in ("position", "effort"):
         if not any(name.endswith(f".{quantity}") for name in taken):
+            channels = listed(b.channel.name for b in beliefs if b.quantity != "time")
             raise SessionError(
-                f"no {quantity} is known: name its channel, as in 'column 14=elbow.{quantity}*1.0'",
+                f"no {quantity} is known among {channels}: name its channel, as in --as "
+                f"'CHANNEL=elbow.{quantity}*FACTOR_TO_SI'",
                 file=stem,
             )
-    time = next(b.channel.time for name, b in taken.items() if name.endswith(".position"))
+    position = next(b for name, b in taken.items() if name.endswith(".position"))
+    time = position.channel.time
     if time is None:
         raise SessionError(
-            "no clock is known: name its channel, as in 'column 1=time*0.001', or give --rate",
+            "no clock is known: name its channel, as in --as 'column 1=time*0.001', or give --rate",
             file=stem,
         )
     remarks = [
         f"{taken[name].channel.name} is taken for {name}, and not {' or '.join(channels)}: for "
-        f"another say '{channels[0]}={name}'"
+        f"another say --as '{channels[0]}={name}'"
         for name, channels in others.items()
     ]
     for name, belief in list(taken.items()):
@@ -217,30 +257,33 @@ def write_session(
             unit = belief.unit.rstrip("?") or "SI units"
             remarks.append(
                 f"{belief.channel.name} is taken for {name} in {unit}; if it is not, say "
-                f"'{belief.channel.name}={name}*FACTOR_TO_SI'"
+                f"--as '{belief.channel.name}={name}*FACTOR_TO_SI'"
             )
-    remarks += [
-        f"{belief.channel.name} is a current, and taken for {name} as it is, 1 Nm an ampere: no "
-        f"torque, mass or stiffness found is right before you say '{belief.channel.name}={name}"
-        "*NM_PER_AMPERE'"
-        for name, belief in taken.items()
-        if belief.quantity == "current"
-    ]
     table = np.column_stack([time, *(b.scale * b.channel.values for b in taken.values())])
-    whole = np.isfinite(table).all(axis=1)
+    whole = np.asarray(np.isfinite(table).all(axis=1))
+    if not whole.any():
+        raise SessionError(
+            f"no sample has a number in each of {listed(b.channel.name for b in taken.values())}",
+            file=stem,
+        )
     if not whole.all():
         remarks.append(f"{np.sum(~whole)} samples without a number were left out")
-    parts, repeated = _parts(table[whole])
+    begins = {int(whole[:at].sum()): name for name, at in position.channel.trials}
+    parts, repeated, restarts = _parts(table[whole], begins)
     if repeated:
         remarks.append(f"{repeated} samples that repeat a stamp were left out")
-    if len(parts) > 1:
+    if restarts:
         remarks.append(
-            f"the clock begins anew {len(parts) - 1} times: each part is a trial, and begins 1 s "
-            "after the one before"
+            f"the clock begins anew {restarts} times: each part is a trial, and begins 1 s after "
+            "the one before"
         )
     folder.mkdir(parents=True, exist_ok=True)
     files = [f"{stem}.csv" if len(parts) == 1 else f"{stem}_{n + 1}.csv" for n in range(len(parts))]
-    for name, part in zip(files, parts, strict=True):
+    trials = [
+        {"file": file, **({"label": label} if label else {})}
+        for file, (label, _) in zip(files, parts, strict=True)
+    ]
+    for name, (_, part) in zip(files, parts, strict=True):
         with (folder / name).open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(["time", *taken])
@@ -253,27 +296,29 @@ def write_session(
         shutil.copyfile(model, folder / name)
     else:
         remarks.append(f"put the robot's MJCF or URDF into the folder as {name}")
-    session = {"schema": 1, "model": name, "trials": [{"file": file} for file in files]}
+    session = {"schema": 1, "model": name, "trials": trials}
     (folder / "session.json").write_text(json.dumps(session, indent=2) + "\n")
     return remarks
 
 
-def _parts(table: Numbers) -> tuple[list[Numbers], int]:
-    """Return the parts of a table between restarts of its clock, and how many stamps repeat.
+def _parts(table: Numbers, begins: Mapping[int, str]) -> tuple[list[tuple[str, Numbers]], int, int]:
+    """Return the trials of a table with what the log calls each, "" if nothing.
 
-    A step back by more than ten median steps is a restart; a smaller one, or none, is a stamp that
-    repeats. Later parts are shifted, so that the clock of the session goes on.
+    A trial begins where one does in the log (`begins`), and where the clock begins anew. Such
+    trials are shifted, so that the clock of the session goes on. Stamps that repeat are left out:
+    after the trials come how many they are, and how often the clock begins anew.
     """
-    steps = np.diff(table[:, 0])
-    step = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 1.0
-    parts, repeated, end = [], 0, -np.inf
-    for part in np.split(table, np.flatnonzero(steps < -10 * step) + 1):
+    parts, repeated, restarts, end, label = [], 0, 0, -np.inf, ""
+    for samples in stretches(table[:, 0], [*begins]):
+        label = begins.get(samples.start, label)
+        part = table[samples]
         highest = np.maximum.accumulate(part[:, 0])
         later = np.concatenate([[True], part[1:, 0] > highest[:-1]])
         repeated += int(np.sum(~later))
         part = part[later]
         if part[0, 0] <= end:
             part[:, 0] += end + 1.0 - part[0, 0]
+            restarts += 1
         end = part[-1, 0]
-        parts.append(part)
-    return parts, repeated
+        parts.append((label, part))
+    return parts, repeated, restarts

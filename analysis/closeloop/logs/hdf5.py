@@ -1,12 +1,13 @@
 """HDF5 files: every numeric data set as channels."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.logs.arrays import channels
+from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.log import Log
 
 #: Of all signals together; a file of a few bytes can declare any number.
@@ -25,22 +26,52 @@ def read(path: Path, *, kind: str = "HDF5") -> Log:
     if not h5py.is_hdf5(path):
         raise SessionError(f"is no {kind} file", file=path.name)
     arrays: list[tuple[str, np.ndarray]] = []
-
-    def take(name: str, item: Any) -> None:
-        # MATLAB keeps what cells refer to below this name.
-        if not isinstance(item, h5py.Dataset) or name.startswith("#"):
-            return
-        if item.dtype.kind not in "fiub" or item.shape is None or item.ndim > 3:
-            return
-        if (size := item.size + sum(array.size for _, array in arrays)) > MAX_NUMBERS:
-            raise SessionError(f"declares {size} numbers; at most {MAX_NUMBERS}", file=path.name)
-        arrays.append((name.replace("/", "."), item[()]))
-
+    size = 0
     try:
         with h5py.File(path, "r") as file:
-            file.visititems(take)
+            for name, item in _datasets(file, "", set()):
+                if item.dtype.kind not in "fiub" or item.shape is None or item.ndim > 3:
+                    continue
+                size += item.size
+                if size > MAX_NUMBERS:
+                    what = f"declares {size} numbers; at most {MAX_NUMBERS}"
+                    raise SessionError(what, file=path.name)
+                unit = item.attrs.get("unit", item.attrs.get("units"))
+                if isinstance(unit, str) and unit:
+                    # A path has its slashes for places.
+                    name = f"{name} [{unit.replace('/', '_')}]"
+                arrays.append((name, item[()]))
     except SessionError:
         raise
     except (OSError, RuntimeError, ValueError) as error:
         raise SessionError(f"is a damaged {kind} file: {error}", file=path.name) from None
-    return Log(kind=kind, channels=channels(arrays))
+    return log_of(kind, arrays)
+
+
+def _datasets(item: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Any]]:
+    """Return every data set below an item with its path, each once.
+
+    MATLAB 7.3 keeps elements of cells and of structures elsewhere (`#refs#`), and at their place
+    what refers to them. They are numbered from 1, those of a structure before the field's name.
+    """
+    import h5py
+
+    if (address := h5py.h5o.get_info(item.id).addr) in seen:
+        return
+    seen.add(address)
+    if isinstance(item, h5py.Group):
+        for key in item:
+            if key.startswith("#") or not isinstance(item.get(key, getlink=True), h5py.HardLink):
+                continue
+            yield from _datasets(item[key], f"{path}/{key}" if path else key, seen)
+    elif not isinstance(item, h5py.Dataset) or item.attrs.get("MATLAB_class") == b"char":
+        return
+    elif h5py.check_ref_dtype(item.dtype) is not h5py.Reference:
+        yield path, item
+    elif item.shape is not None and item.size <= MAX_NUMBERS:
+        parent, slash, field = path.rpartition("/")
+        of_cell = item.attrs.get("MATLAB_class") == b"cell"
+        for number, reference in enumerate(np.ravel(item[()]), start=1):
+            element = f"{path}/{number}" if of_cell else f"{parent}{slash}{number}/{field}"
+            if reference:
+                yield from _datasets(item.file[reference], element, seen)

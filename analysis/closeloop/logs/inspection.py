@@ -5,18 +5,18 @@ derivative of a position is a velocity, and the factor between them tells degree
 numbers cannot tell (a torque from a current, radians from degrees of a small motion) keeps a "?".
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import pi
 
 import numpy as np
 
-from analysis.closeloop.logs.belief import Belief, by_name, held
+from analysis.closeloop.logs.belief import Belief, by_name, desired, held, without_own_words
 from analysis.closeloop.logs.clock import find_clock, set_rate
 from analysis.closeloop.logs.derivatives import find_derivatives, find_rate
 from analysis.closeloop.logs.log import Log
+from analysis.closeloop.logs.units import UNITS
 
-SI: Mapping[str, float] = {"deg": pi / 180, "deg/s": pi / 180, "mm": 1e-3, "mA": 1e-3}
 #: More than that of an angle in rad is two turns either way; a joint seldom does it.
 TURNS = 4 * pi
 #: Share of a position's samples that are compared with it.
@@ -31,7 +31,7 @@ def believe(log: Log, rate_hz: float | None = None) -> list[Belief]:
         log: what a file holds.
         rate_hz: at which channels without a clock were recorded, if that is known.
     """
-    beliefs = [by_name(channel) for channel in log.channels]
+    beliefs = without_own_words(desired([by_name(channel) for channel in log.channels]))
     groups: dict[object, list[int]] = {}
     for at, belief in enumerate(beliefs):
         time = belief.channel.time
@@ -80,7 +80,8 @@ def _find_units(beliefs: list[Belief]) -> None:
         own = belief.unit
         if own == "?" and (belief.quantity == "position" or belief.source is not None):
             own = guesses.get(belief.quantity, own)
-        beliefs[at] = replace(belief, unit=own, scale=SI.get(own.rstrip("?"), 1.0))
+        known = UNITS.get(own.rstrip("?"))
+        beliefs[at] = replace(belief, unit=own, scale=known.scale if known else 1.0)
 
 
 def _number_joints(beliefs: list[Belief]) -> None:
@@ -93,13 +94,15 @@ def _number_joints(beliefs: list[Belief]) -> None:
     joints = {n: rank for rank, n in enumerate(sorted(numbers, key=int))} if numbered else {}
     motion = ("position", "velocity", "acceleration", "effort", "current")
     own = [at for at, b in enumerate(beliefs) if b.quantity in motion]
-    named = all(beliefs[at].stem for at in own)
+    # A motor's current beside efforts may go without a joint's name.
+    spare = "current" if any(b.quantity == "effort" for b in beliefs) else ""
+    named = all(beliefs[at].stem for at in own if beliefs[at].quantity != spare)
     counts: dict[tuple[str, bool], int] = {}
     for at in sorted(own, key=lambda at: motion.index(beliefs[at].quantity)):
         belief = beliefs[at]
         key = belief.quantity, belief.wanted
         source = beliefs[belief.source] if belief.source is not None else None
-        if named:
+        if named and belief.stem:
             number = belief.stem.rpartition("_")[2]
             belief = replace(belief, stem=number) if numbered and number in joints else belief
             joint = joints.setdefault(belief.stem, len(joints))
@@ -117,7 +120,7 @@ def _find_blocks(beliefs: list[Belief]) -> None:
     Such logs hold all positions, then all velocities, then torques or currents, joint by joint: the
     distance between a position and its velocity is the number of joints.
     """
-    if any(b.why == "by its name" for b in beliefs):
+    if any(b.why.startswith("by its ") for b in beliefs):
         return
     position = [at for at, b in enumerate(beliefs) if b.quantity == "position"]
     velocity = [at for at, b in enumerate(beliefs) if b.quantity == "velocity"]

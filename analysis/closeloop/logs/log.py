@@ -20,6 +20,8 @@ class Channel:
     time: Numbers | None = None
     #: Where the log's kind says it; None otherwise.
     unit: str | None = None
+    #: What the trials in it are called and the sample at which each begins; none if it is one.
+    trials: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(kw_only=True)

@@ -1,6 +1,6 @@
 """MATLAB files: every numeric array, of structures too, as channels."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs import hdf5
-from analysis.closeloop.logs.arrays import channels
+from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.log import Log
 
 #: What SciPy calls the format of version 7.3.
@@ -30,18 +30,58 @@ def read(path: Path) -> Log:
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except (MatReadError, ValueError, TypeError, OverflowError, IndexError, KeyError) as error:
         raise SessionError(f"is no MATLAB file: {error}", file=path.name) from None
-    return Log(kind="MATLAB", channels=channels(_arrays(content, "")))
+    return log_of("MATLAB", _arrays(content, ""))
 
 
-def _arrays(content: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
-    """Return every numeric array below `content` with its path of names."""
+def _arrays(content: Any, path: str) -> Iterator[tuple[str, np.ndarray]]:
+    """Return every numeric array below `content` with its path; elements are numbered from 1."""
     if isinstance(content, dict):
         fields = {key: value for key, value in content.items() if not key.startswith("__")}
     elif hasattr(content, "_fieldnames"):
         fields = {key: getattr(content, key) for key in content._fieldnames}
+        if named := _signal(fields):
+            parent, slash, _ = path.rpartition("/")
+            yield f"{parent}{slash}{named[0]}", named[1]
+            return
+    elif _is_cell(content):
+        fields = {str(number): value for number, value in enumerate(content.flat, start=1)}
     else:
         if isinstance(content, np.ndarray) and content.dtype.kind in "fiub":
-            yield name, content
+            yield path, content
         return
+    cells = {
+        key: value
+        for key, value in fields.items()
+        if _is_cell(value) and all(isinstance(element, np.ndarray) for element in value.flat)
+    }
+    if len(cells) > 1 and len({value.size for value in cells.values()}) == 1:
+        # Elements of cells side by side belong together as those of a structure: t{2} and q{2}.
+        size = next(iter(cells.values())).size
+        elements = {
+            str(at + 1): {key: value.flat[at] for key, value in cells.items()} for at in range(size)
+        }
+        fields = {key: value for key, value in fields.items() if key not in cells} | elements
     for key, value in fields.items():
-        yield from _arrays(value, f"{name}.{key}" if name else key)
+        yield from _arrays(value, f"{path}/{key}" if path else key)
+
+
+def _is_cell(content: Any) -> bool:
+    return isinstance(content, np.ndarray) and content.dtype.kind == "O"
+
+
+def _signal(fields: Mapping[str, Any]) -> tuple[str, np.ndarray] | None:
+    """Return name and samples of a structure that is one signal, as dSPACE and Simulink write."""
+    known = {key.lower(): value for key, value in fields.items()}
+    name = known.get("label") or known.get("name")
+    values = known.get("data", known.get("values"))
+    arrays = [
+        value for value in fields.values() if isinstance(value, np.ndarray) and value.size > 1
+    ]
+    if not isinstance(name, str) or not name or len(arrays) != 1 or arrays[0] is not values:
+        return None
+    if values.ndim != 1 or values.dtype.kind not in "fiub":
+        return None
+    unit = known.get("unit")
+    # What is a path in the model is none in the file.
+    name = name.replace("/", ".")
+    return f"{name} [{unit}]" if isinstance(unit, str) and unit else name, values

@@ -9,7 +9,7 @@ from analysis.closeloop.logs.log import Log
 
 #: What reads a file, by its ending.
 READERS: Mapping[str, Callable[[Path], Log]] = {
-    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".log"), text.read),
+    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".log", ".asc", ".sto", ".mot"), text.read),
     ".mat": matlab.read,
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read),
     **dict.fromkeys((".bag", ".mcap", ".db3"), ros.read),

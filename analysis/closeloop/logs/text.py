@@ -4,17 +4,28 @@ import csv
 import io
 import re
 from collections import Counter
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.log import Channel, Log
+from analysis.closeloop.logs.units import unit_of
 
 #: Of those in as many lines, the first: a decimal comma stands beside another separator.
 SEPARATORS = (";", "\t", "|", ",")
+COMMENTS = ("#", "%", "//")
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*")
-UNITS = re.compile(r"[\[(]?[A-Za-zµ°%/·^²0-9 ]{0,8}[\])]?")
+UNITS = re.compile(r"[\[(]?[A-Za-zµ°%/·^²0-9 .-]{0,10}[\])]?")
+#: What stands where a sample is missing.
+MISSING = ("", "-", "--", "n/a", "na", "#n/a", "null", "none")
+#: The time of a day, which may stand after a date.
+STAMP = re.compile(r"(?P<date>[\d./-]{8,10}[ T])?(?P<time>\d{1,2}:\d\d:\d\d.*)")
+#: Lines from the middle of a file by which its columns are told, and those that may be a header.
+LINES = 50
 MAX_BYTES = 400_000_000
 
 
@@ -28,56 +39,136 @@ def read(path: Path) -> Log:
         raise SessionError(f"is larger than {MAX_BYTES // 1_000_000} MB", file=path.name)
     log = Log(kind="CSV")
     lines = [line for line in _decoded(path, log).splitlines() if line.strip()]
-    lines = _without_comments(lines, log)
+    lines, comments = _without_comments(lines, log)
     if len(lines) < 2:
         raise SessionError("has fewer than two lines", file=path.name)
-    separator = max(SEPARATORS, key=lambda mark: sum(mark in line for line in lines[:50]))
-    if separator not in lines[len(lines) // 2]:
-        rows = [line.split() for line in lines]
-    else:
-        try:
-            rows = list(csv.reader(io.StringIO("\n".join(lines)), delimiter=separator))
-        except csv.Error as error:
-            raise SessionError(f"is no CSV: {error}", file=path.name) from None
+    split = _splitting(lines)
+    try:
+        rows = split(lines)
+    except csv.Error as error:
+        raise SessionError(f"is no CSV: {error}", file=path.name) from None
     width = Counter(map(len, rows)).most_common(1)[0][0]
+    # Some programs end each line of samples in a separator.
+    if width > 1 and all(not row[-1].strip() for row in rows if len(row) == width):
+        rows = [row[:-1] if len(row) == width and not row[-1].strip() else row for row in rows]
+        width -= 1
     whole = [row for row in rows if len(row) == width]
     if len(whole) < len(rows):
         log.remarks.append(
             f"{len(rows) - len(whole)} of {len(rows)} lines have another number of columns than "
             f"{width} and were left out"
         )
-    comma = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for cell in whole[-1])
+    comma = any(DECIMAL_COMMA.fullmatch(cell) for row in _middle(whole) for cell in row)
 
     def parse(cell: str) -> float | None:
         return _number(cell.replace(",", ".") if comma else cell)
 
-    names = [cell.strip() for cell in whole[0]]
-    if all(parse(cell) is not None for cell in whole[0]):
-        names = [f"column {number}" for number in range(1, width + 1)]
-        log.remarks.append("the first line holds numbers: the file has no header")
-    else:
-        names = [name or f"column {at}" for at, name in enumerate(names, start=1)]
-        whole = whole[1:]
-        if not whole:
-            raise SessionError("holds no signal: no line of numbers", file=path.name)
-        if all(cell.strip() and parse(cell) is None for cell in whole[0]) and all(
-            UNITS.fullmatch(cell.strip()) for cell in whole[0]
-        ):
-            units = [cell.strip(" []()") for cell in whole[0]]
-            names = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
-            whole = whole[1:]
-            log.remarks.append("the second line holds units")
-    cells = np.array(whole, dtype=object).reshape(len(whole), width)
-    for at, name in enumerate(names):
-        numbers = [parse(cell) for cell in cells[:, at]]
-        known = sum(number is not None for number in numbers)
-        if known >= 2:
+    begin = _begin(whole, parse)
+    head = whole[:begin]
+    if not head:
+        # A header among comments, or one whose names hold spaces.
+        above = lines[: rows.index(whole[0])][-2:]
+        head = [row for line in [*comments, *above] if (row := _cells(line, split, width))]
+    names = _names(head, width, log)
+    if begin == len(whole):
+        raise SessionError("holds no signal: no line of numbers", file=path.name)
+    for name, column in zip(names, zip(*whole[begin:], strict=True), strict=True):
+        numbers = [parse(cell) for cell in column]
+        if sum(number is not None for number in numbers) >= 2:
             values = np.array([np.nan if n is None else n for n in numbers], dtype=float)
             values[np.isinf(values)] = np.nan
-            log.channels.append(Channel(name=name, values=values))
+            stamps = any(":" in cell or cell.endswith(" sec") for cell in column[:LINES])
+            log.channels.append(Channel(name=name, values=values, unit="s" if stamps else None))
         else:
             log.remarks.append(f"{name} holds no numbers and was left out")
     return log
+
+
+def _splitting(lines: Sequence[str]) -> Callable[[Sequence[str]], list[list[str]]]:
+    """Return what makes cells of lines, by the lines in the middle."""
+    middle = _middle(lines)
+    separator = max(SEPARATORS, key=lambda mark: sum(mark in line for line in middle))
+    words = lines[len(lines) // 2].split()
+    # Columns between spaces, with decimal commas.
+    spaced = separator == "," and len(words) > 1 and all(map(DECIMAL_COMMA.fullmatch, words))
+    if spaced or separator not in lines[len(lines) // 2]:
+        return lambda some: [line.split() for line in some]
+    return lambda some: list(csv.reader(io.StringIO("\n".join(some)), delimiter=separator))
+
+
+def _middle(items: Sequence[Any]) -> Sequence[Any]:
+    return items[max(0, len(items) // 2 - LINES // 2) : len(items) // 2 + LINES // 2]
+
+
+def _begin(rows: Sequence[Sequence[str]], parse: Callable[[str], float | None]) -> int:
+    """Return the first row of samples: after the last at the top that has names or units.
+
+    Above them may stand rows that have as many cells.
+    """
+    numeric = sorted(
+        {
+            at
+            for row in _middle(rows)
+            for at, cell in enumerate(row)
+            if cell.strip() and parse(cell) is not None
+        }
+    )
+    if not numeric:
+        return len(rows)
+
+    def words(row: Sequence[str]) -> int:
+        return sum(parse(row[at]) is None for at in numeric)
+
+    begin = 0
+    for at, row in enumerate(rows[:LINES]):
+        if 2 * words(row) >= len(numeric) or (begin == at > 0 and words(row) and _is_units(row)):
+            begin = at + 1
+    return begin
+
+
+def _cells(
+    line: str, split: Callable[[Sequence[str]], list[list[str]]], width: int
+) -> list[str] | None:
+    """Return the cells of a line above the samples if it has as many as they, else None."""
+    line = line.lstrip("#%/ ").rstrip()
+    ways = (split([line])[0] if line else [], line.split(), re.split(r"\s{2,}|\t", line))
+    return next(
+        (row for row in ways if len(row) == width and any(_number(c) is None for c in row)), None
+    )
+
+
+def _names(head: list[list[str]], width: int, log: Log) -> list[str]:
+    """Return the names of columns from the rows above them, each another."""
+    if not head:
+        log.remarks.append("the first line holds numbers: the file has no header")
+        return [f"column {number}" for number in range(1, width + 1)]
+    *above, last = [[cell.strip() for cell in row] for row in head]
+    units = [""] * width
+    if above and _is_units(last):
+        units = [cell.strip(" []()") for cell in last]
+        *above, last = above
+        log.remarks.append("the line below the header holds units")
+    names = [name or f"column {at}" for at, name in enumerate(last, start=1)]
+    if above and len({*names}) < width:
+        group = ""
+        for at, cell in enumerate(above.pop()):
+            group = cell or group
+            names[at] = f"{group} {names[at]}".strip()
+    if above:
+        log.remarks.append(f"{len(above)} lines above the header were left out")
+    names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
+    seen: Counter[str] = Counter()
+    for at, name in enumerate(names):
+        seen[name] += 1
+        names[at] = name if seen[name] == 1 else f"{name} ({seen[name]})"
+    return names
+
+
+def _is_units(row: Sequence[str]) -> bool:
+    """Whether a row's cells are units: all short, and one of them known."""
+    cells = [cell.strip() for cell in row if cell.strip()]
+    known = any(unit_of(cell.strip("[]()")) for cell in cells)
+    return known and all(UNITS.fullmatch(cell) for cell in cells)
 
 
 def _decoded(path: Path, log: Log) -> str:
@@ -94,29 +185,33 @@ def _decoded(path: Path, log: Log) -> str:
         return raw.decode("latin-1")
 
 
-def _without_comments(lines: list[str], log: Log) -> list[str]:
-    """Leave out lines that begin with #, but for a header in the last of those at the top."""
-    top = next((at for at, line in enumerate(lines) if not line.startswith("#")), len(lines))
-    kept = [line for line in lines[top:] if not line.startswith("#")]
+def _without_comments(lines: list[str], log: Log) -> tuple[list[str], list[str]]:
+    """Return the lines without comments, and the last two comments above them all."""
+    top = next(
+        (at for at, line in enumerate(lines) if not line.lstrip().startswith(COMMENTS)), len(lines)
+    )
+    kept = [line for line in lines[top:] if not line.lstrip().startswith(COMMENTS)]
     if len(kept) < len(lines):
-        log.remarks.append(f"{len(lines) - len(kept)} lines begin with # and were left out")
-    if top and kept:
-        header = lines[top - 1].lstrip("# ")
-        marks = [mark for mark in (*SEPARATORS, " ") if mark in kept[0]]
-        if marks and header.count(marks[0]) == kept[0].count(marks[0]) and _is_row(kept[0]):
-            kept.insert(0, header)
-    return kept
-
-
-def _is_row(line: str) -> bool:
-    return all(_number(cell) is not None for cell in re.split(r"[;\t|, ]+", line.strip()))
+        log.remarks.append(f"{len(lines) - len(kept)} lines are comments and were left out")
+    return kept, lines[max(0, top - 2) : top]
 
 
 def _number(cell: str) -> float | None:
-    """Return the number in a cell, NaN for an empty one, None for text."""
-    if not cell.strip():
-        return np.nan
+    """Return the number in a cell, a stamp's in s, NaN for a missing one, None for text."""
+    cell = cell.strip()
     try:
         return float(cell)
     except ValueError:
-        return None
+        pass
+    if cell.lower() in MISSING:
+        return np.nan
+    if stamp := STAMP.fullmatch(cell):
+        date = re.sub(r"(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1", stamp["date"] or "1970-01-01 ")
+        hour, rest = stamp["time"].split(":", 1)
+        try:
+            time = datetime.fromisoformat(f"{date.replace('/', '-')}{hour:0>2}:{rest}")
+        except ValueError:
+            return None
+        return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
+    # As MATLAB writes a duration.
+    return _number(cell.removesuffix(" sec")) if cell.endswith(" sec") else None

@@ -74,3 +74,12 @@ def test_bad_input_is_one_sentence_and_writes_nothing(tmp_path: Path) -> None:
     )
     assert wrong.exit_code == 2 and "no assignment" in wrong.output
     assert not out.exists()
+
+
+def test_a_unit_in_brackets_stands_in_the_table(tmp_path: Path) -> None:
+    rows = [f"{10 * n};{np.sin(0.1 * n):.5f};{n % 7}".replace(".", ",") for n in range(100)]
+    text = "Zeit [ms];Gelenkwinkel [°];Motorstrom [mA]\n" + "\n".join(rows)
+    (tmp_path / "log.csv").write_text(text, encoding="utf-8")
+    ran = CliRunner().invoke(app, ["inspect", str(tmp_path / "log.csv")], env={"COLUMNS": "160"})
+    assert "Zeit [ms]" in ran.stdout and "Motorstrom [mA]" in ran.stdout
+    assert "say --as 'Motorstrom [mA]=joint_1.effort*NM_PER_mA'" in ran.stdout

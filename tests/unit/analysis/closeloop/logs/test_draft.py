@@ -12,6 +12,8 @@ from analysis.closeloop.logs.draft import (
     assigned,
     joint_names,
     joints_in,
+    of_currents,
+    of_only_joint,
     of_other_joints,
     write_session,
 )
@@ -165,10 +167,51 @@ def test_a_name_that_ends_as_one_joint_of_the_model_does_means_that(tmp_path: Pa
     assert of_other_joints(["j1"], ["j1", "j2"]) == []
 
 
-def test_a_current_that_nobody_gave_a_factor_is_told_as_no_torque(tmp_path: Path) -> None:
+def a_log(**arrays: np.ndarray) -> list[Belief]:
+    channels = [Channel(name=name, values=values) for name, values in arrays.items()]
+    return believe(Log(kind="CSV", channels=channels))
+
+
+def test_a_current_without_a_factor_is_told_with_what_to_type() -> None:
     """It was taken for Nm without a word, and Coulomb friction of 0.8 Nm came out as 0.53."""
-    arrays = {"time_s": TIME, "elbow_pos_rad": np.sin(TIME), "elbow_current_A": np.cos(TIME)}
-    log = Log(kind="CSV", channels=[Channel(name=n, values=v) for n, v in arrays.items()])
-    chosen = believe(log)
-    remarks = write_session(tmp_path / "s", "log", chosen, joint_names(chosen))
-    assert "say 'elbow_current_A=elbow.effort*NM_PER_AMPERE'" in remarks[0]
+    signals = {"time_s": TIME, "elbow_pos_rad": np.sin(TIME)}
+    for name, unit in (("elbow_current_mA", "mA"), ("elbow_current", "A")):
+        (said,) = of_currents(a_log(**signals, **{name: np.cos(TIME)}), ["elbow"])
+        assert f"say --as '{name}=elbow.effort*NM_PER_{unit}'" in said
+    torque = {"elbow_current_A": np.cos(TIME), "elbow_torque": np.cos(TIME)}
+    assert of_currents(a_log(**signals, **torque), ["elbow"]) == []
+
+
+def test_a_torque_goes_before_a_current_whichever_the_log_has_first(tmp_path: Path) -> None:
+    chosen = a_log(
+        **{"t": TIME, "q": np.sin(TIME), "i [A]": np.cos(TIME), "M [Nm]": 9.0 * np.cos(TIME)}
+    )
+    said, *_ = write_session(tmp_path / "s", "log", chosen, joint_names(chosen, ["elbow"]))
+    assert "M [Nm] is taken for elbow.effort, and not i [A]" in said
+    assert table(tmp_path / "s" / "log.csv")[1][0, 2] == pytest.approx(9.0)
+
+
+def test_the_only_joint_of_a_log_is_that_of_the_model_and_said() -> None:
+    chosen = a_log(**{"t": TIME, "Ellenbogen angle": np.sin(TIME), "Ellenbogen torque": TIME**2})
+    assert joint_names(chosen, ["elbow"]) == ["elbow"]
+    assert of_only_joint(chosen, ["elbow"]) == [
+        "the log's only joint, ellenbogen, is taken for the model's, elbow"
+    ]
+    assert of_only_joint(chosen, ["r_ellenbogen"])
+    assert of_only_joint(chosen, ["ellenbogen"]) == of_only_joint(chosen, ["a", "b"]) == []
+    assert of_only_joint(beliefs(), ["elbow"]) == []
+
+
+def test_what_lacks_a_position_is_told_by_its_channels(tmp_path: Path) -> None:
+    chosen = a_log(**{"Zeit": TIME, "Moment": np.cos(TIME), "Kraft X": np.sin(TIME)})
+    with pytest.raises(SessionError, match="no position is known among Moment, Kraft X: name its"):
+        write_session(tmp_path / "s", "log", chosen, joint_names(chosen))
+
+
+def test_signals_that_are_never_in_one_sample_are_refused_by_name(tmp_path: Path) -> None:
+    """A plotter writes every topic's samples in lines of their own."""
+    q, u = np.sin(TIME), np.cos(TIME)
+    q[::2], u[1::2] = np.nan, np.nan
+    chosen = a_log(time=TIME, angle=q, torque=u)
+    with pytest.raises(SessionError, match="no sample has a number in each of angle, torque"):
+        write_session(tmp_path / "s", "log", chosen, joint_names(chosen))

@@ -282,3 +282,66 @@ def test_more_signals_than_any_robot_has_are_not_compared_each_with_each() -> No
     signals = {f"q{n}.position": np.sin(0.01 * np.arange(60) + n) for n in range(1, 3000)}
     found = believed(time=0.01 * np.arange(60), **signals)
     assert {b.quantity for b in found.values()} == {"time", "position"}
+
+
+def test_a_unit_says_what_a_channel_is_in_any_language() -> None:
+    """None of these words is known; what both signals are called after is the joint."""
+    m = motion()
+    found = believed(
+        **{
+            "Zeit [s]": m["time"],
+            "Gelenkwinkel Schulter [°]": DEG * m["position"][:, 0],
+            "Gelenkwinkel Ellenbogen [°]": DEG * m["position"][:, 1],
+            "Drehmoment Ellenbogen [Nm]": m["velocity"][:, 1],
+            "Drehmoment Schulter [Nm]": m["velocity"][:, 0],
+            "Motorstrom [mA]": m["velocity"][:, 0],
+            "Hand X [mm]": m["position"][:, 0],
+        }
+    )
+    assert [(b.quantity, b.unit, b.joint) for b in found.values()] == [
+        ("time", "s", None),
+        ("position", "deg", 0),
+        ("position", "deg", 1),
+        ("effort", "Nm", 1),
+        ("effort", "Nm", 0),
+        ("current", "mA", 0),
+        ("unknown", "mm", None),
+    ]
+    assert joint_names([*found.values()]) == ["schulter", "ellenbogen"]
+
+
+def test_the_unit_of_a_clock_goes_before_what_its_steps_could_be() -> None:
+    """At 10 kHz a step of 0.1 could be one of 10 Hz in s."""
+    time = np.arange(0.0, 400.0, 0.1)
+    assert believed(**{"Zeit [ms]": time, "q": np.sin(time)})["Zeit [ms]"].unit == "ms"
+
+
+def test_a_unit_goes_before_a_word_and_volts_are_no_velocity() -> None:
+    """As in the EMPS: what is controlled by a voltage writes u_V."""
+    m = motion()
+    q, v = m["position"], m["velocity"]
+    volts = np.sin(3 * m["time"]) * q[:, 1]
+    found = believed(**{"t_s": m["time"], "q_m": q[:, 0], "u_V": volts, "torque [A]": v[:, 1]})
+    assert (found["u_V"].quantity, found["u_V"].unit) == ("unknown", "V")
+    assert (found["torque [A]"].quantity, found["torque [A]"].unit) == ("current", "A")
+    # A single letter may be the name of a joint or a part.
+    found = believed(time=m["time"], q_A=q[:, 0], tau_A=v[:, 1], q_B=q[:, 1], tau_m=v[:, 0])
+    assert [b.quantity for b in found.values()] == [
+        *("time", "position", "effort", "position", "effort")
+    ]
+
+
+def test_a_franka_wants_what_it_calls_q_d_and_its_hand_is_no_joint() -> None:
+    m = motion()
+    q, v = m["position"], m["velocity"]
+    arrays = {"time": m["time"]}
+    for n in (0, 1):
+        arrays |= {f"q[{n}]": q[:, n], f"q_d[{n}]": q[:, n] + 0.01, f"tau_J[{n}]": v[:, 1 - n]}
+    found = believed(**arrays, **{"O_T_EE[0]": q[:, 0] + q[:, 1]})
+    assert [name for name, b in found.items() if b.wanted] == ["q_d[0]", "q_d[1]"]
+    assert found["tau_J[1]"].joint == found["q[1]"].joint == 1
+    assert found["O_T_EE[0]"].quantity == "unknown"
+    assert believed(time=m["time"], tool_joint_pos=q[:, 0])["tool_joint_pos"].joint == 0
+    # Of four joints a to d none is what another should be.
+    letters = {f"q_{letter}": q[:, 0] + n for n, letter in enumerate("abcd")}
+    assert not any(b.wanted for b in believed(time=m["time"], **letters).values())

@@ -1,0 +1,146 @@
+"""Trials in one file: groups, or elements of a structure, that hold the same signals."""
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.closeloop.logs.belief import by_name
+from analysis.closeloop.logs.clock import find_clock
+from analysis.closeloop.logs.log import Channel, Log
+from intake.xml import listed
+
+#: Words for what a movement that is recorded once more is called.
+TRIALS = {
+    *("trial", "run", "rep", "repetition", "take", "test", "measurement", "recording", "session"),
+    *("experiment", "versuch", "messung", "essai"),
+}
+#: Words for what a robot has several of at one time.
+PARTS = {
+    *("joint", "axis", "motor", "drive", "link", "sensor", "imu", "plate", "marker", "channel"),
+    *("device", "j"),
+}
+#: Channels of one place in a file, by place and by name within it.
+Places = dict[str, dict[str, Channel]]
+
+
+def join_trials(log: Log) -> None:
+    """Join the signals that a log has once for each trial, in place; names are paths with `/`.
+
+    Those with numbers for names are trials if each has a clock of its own, or if they are called
+    so; others, if also their clocks differ.
+    """
+    while (found := _trials_in(log.channels)) is not None:
+        parent, places = found
+        first, *others = places.values()
+        common = [name for name in first if all(name in other for other in others)]
+        gone = {channel.name for place in places.values() for channel in place.values()}
+        left = [
+            channel.name
+            for place in places.values()
+            for name, channel in place.items()
+            if name not in common
+        ]
+        if left:
+            log.remarks.append(f"not every trial has {listed(left)}, and they were left out")
+        labels = {place: _label(parent or "trial", place) for place in places}
+        told = [
+            f"{labels[place]} ({len(next(iter(signals.values())).values)} samples)"
+            for place, signals in places.items()
+        ]
+        log.remarks.append(f"{len(places)} trials hold the same signals: {listed(told)}")
+        kept = [channel for channel in log.channels if channel.name not in gone]
+        # What only numbers elements is no part of a signal's name.
+        above = parent[: parent.rstrip("/").rfind("/") + 1]
+        taken = {channel.name for channel in kept}
+        if not all(map(str.isdigit, places)) or any(f"{above}{name}" in taken for name in common):
+            above = parent
+        log.channels = kept + [
+            _joined(_named(f"{above}{name}"), {labels[p]: places[p][name] for p in places})
+            for name in common
+        ]
+
+
+def _named(path: str) -> str:
+    """Return a name for a column of matrices that have none."""
+    return f"column {int(path[1:-1]) + 1}" if path.startswith("[") else path
+
+
+def _trials_in(channels: Sequence[Channel]) -> tuple[str, Places] | None:
+    """Return a place below which others are trials, the deepest first; its name ends in `/`."""
+    below: dict[str, Places] = defaultdict(lambda: defaultdict(dict))
+    for channel in channels:
+        parts = channel.name.split("/")
+        for at in range(len(parts) - 1):
+            parent = "".join(f"{part}/" for part in parts[:at])
+            below[parent][parts[at]]["/".join(parts[at + 1 :])] = channel
+    for parent in sorted(below, key=lambda name: -name.count("/")):
+        numbered: dict[str, Places] = defaultdict(dict)
+        for place, signals in below[parent].items():
+            kind = re.sub(r"\d+", "#", place)
+            numbered[kind if kind != place else ""][place] = signals
+        for kind, places in numbered.items():
+            if _are_trials(parent, kind, places):
+                return parent, dict(sorted(places.items(), key=lambda item: _order(item[0])))
+    return None
+
+
+def _are_trials(parent: str, kind: str, places: Places) -> bool:
+    """Whether places that hold signals are trials.
+
+    Args:
+        parent: below which they are.
+        kind: their name with # for its numbers; empty if they have none.
+        places: the places.
+    """
+    first, *others = places.values()
+    common = [name for name in first if all(name in other for other in others)]
+    # What has only numbers for names is called by what it is in.
+    name = " ".join([_label(parent, place) for place in places]).lower()
+    words = {form for word in re.findall("[a-z]+", name) for form in (word, word.removesuffix("s"))}
+    if not others or not common or words & PARTS:
+        return False
+    if kind and words & TRIALS:
+        return True
+    clocks = [_clock([place[name] for name in common]) for place in places.values()]
+    if kind or None in clocks:
+        return None not in clocks
+    quantities = {by_name(first[name]).quantity for name in common}
+    return {"position", "effort"} <= quantities and len({*clocks}) == len(clocks)
+
+
+def _clock(channels: Sequence[Channel]) -> bytes | None:
+    """Return the stamps of channels as bytes, to compare them; None if none of them is a clock."""
+    lengths: dict[int, list[Channel]] = defaultdict(list)
+    for channel in channels:
+        lengths[len(channel.values)].append(channel)
+    for alike in lengths.values():
+        beliefs = [by_name(channel) for channel in alike]
+        find_clock(beliefs, [*range(len(beliefs))])
+        time = beliefs[0].channel.time
+        if time is not None:
+            return time.tobytes()
+    return None
+
+
+def _joined(name: str, trials: dict[str, Channel]) -> Channel:
+    """Return one channel of those of one name, trial after trial."""
+    begins, begin = [], 0
+    for label, channel in trials.items():
+        own = channel.trials or (("", 0),)
+        begins += [(f"{label} {more}".strip(), begin + at) for more, at in own]
+        begin += len(channel.values)
+    values = np.concatenate([channel.values for channel in trials.values()])
+    return replace(next(iter(trials.values())), name=name, values=values, trials=tuple(begins))
+
+
+def _label(parent: str, place: str) -> str:
+    """Return what to call a trial: an element of `runs` is `runs 3`."""
+    return f"{parent.rstrip('/').rpartition('/')[2]} {place}".strip() if place.isdigit() else place
+
+
+def _order(place: str) -> list[tuple[int, str]]:
+    """Return what sorts trial_2 before trial_10."""
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", place)]

@@ -1,0 +1,103 @@
+"""Units as people write them in the names of channels: what they measure, and their size in SI."""
+
+import re
+import unicodedata
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What a unit measures."""
+
+    #: A key of `belief.WORDS`; empty for what is no signal of a joint.
+    quantity: str
+    #: Times this it is in SI units.
+    scale: float
+    #: Whether it tells the quantity of a channel whose name has no word for one: markers are in mm,
+    #: and scales in N, too.
+    tells: bool = True
+
+
+UNITS: Mapping[str, Unit] = {
+    "rad": Unit("position", 1.0),
+    "deg": Unit("position", pi / 180),
+    "m": Unit("position", 1.0, tells=False),
+    "cm": Unit("position", 1e-2, tells=False),
+    "mm": Unit("position", 1e-3, tells=False),
+    "rad/s": Unit("velocity", 1.0),
+    "deg/s": Unit("velocity", pi / 180),
+    "rpm": Unit("velocity", pi / 30),
+    "m/s": Unit("velocity", 1.0, tells=False),
+    "mm/s": Unit("velocity", 1e-3, tells=False),
+    "rad/s2": Unit("acceleration", 1.0),
+    "deg/s2": Unit("acceleration", pi / 180),
+    "m/s2": Unit("acceleration", 1.0, tells=False),
+    "Nm": Unit("effort", 1.0),
+    "mNm": Unit("effort", 1e-3),
+    "Nmm": Unit("effort", 1e-3),
+    "Ncm": Unit("effort", 1e-2),
+    "ftlb": Unit("effort", 1.3558179),
+    "N": Unit("effort", 1.0, tells=False),
+    "kN": Unit("effort", 1e3, tells=False),
+    "A": Unit("current", 1.0),
+    "mA": Unit("current", 1e-3),
+    "V": Unit("", 1.0),
+    "mV": Unit("", 1e-3),
+    "s": Unit("time", 1.0, tells=False),
+    "ms": Unit("time", 1e-3, tells=False),
+    "us": Unit("time", 1e-6, tells=False),
+    "ns": Unit("time", 1e-9, tells=False),
+}
+#: Other spellings of their parts, in lower case; those of a longer word come first.
+SPELLINGS = (
+    (r"°|\bdegrees?|\bgrad\b", "deg"),
+    (r"\bradians?", "rad"),
+    ("μ", "u"),
+    (r"sec(ond)?s?\b|sek\b", "s"),
+    (r"ft[- .·*]?lbf?s?", "ftlb"),
+    (r"u/min|1/min|min-1|min\^-1", "rpm"),
+    (r"[ .·*]?s\^?-1", "/s"),
+    (r"[ .·*]?s\^?-2", "/s2"),
+    (r"_", "/"),
+    (r"[ .·⋅*^]", ""),
+)
+_BY_PLAIN = {name.lower(): name for name in UNITS}
+#: Most characters of a unit.
+_LONGEST = 16
+#: A unit in brackets, and whatever could be one at the end.
+_BRACKETS = re.compile(rf"[\[({{]([^\[\](){{}}]{{1,{_LONGEST}}})[\])}}]")
+_ENDS = re.compile(r"(?<=[\s_/,])(?=(.+)$)")
+
+
+def unit_of(text: str) -> str | None:
+    """Return the key of `UNITS` that a text means; None if it is no unit.
+
+    A single letter means a unit in its own case only: v is a velocity, V are volts.
+    """
+    text = text.strip()
+    if text in UNITS or len(text) > _LONGEST:
+        return text if text in UNITS else None
+    # This writes ⁻¹, ² and µ as common letters.
+    plain = unicodedata.normalize("NFKC", text).replace("\N{MINUS SIGN}", "-").lower()
+    for written, meant in SPELLINGS:
+        plain = re.sub(written, meant, plain)
+    found = _BY_PLAIN.get(plain)
+    return None if len(text) == 1 and text.isascii() else found
+
+
+def parted(name: str) -> tuple[str, str | None, bool]:
+    """Return a channel's name without its unit, the unit, and whether it can be nothing else.
+
+    The unit stands in brackets, or at the end after a mark. There a single letter may be the name
+    of a joint or a part.
+    """
+    for found in reversed([*_BRACKETS.finditer(name)]):
+        if unit := unit_of(found[1]):
+            return f"{name[: found.start()]} {name[found.end() :]}", unit, True
+    # The first that fits is the longest: rad/s before s.
+    for found in _ENDS.finditer(name, max(0, len(name) - _LONGEST)):
+        if unit := unit_of(found[1]):
+            return name[: found.start()], unit, len(found[1]) > 1 or not found[1].isascii()
+    return name, None, False

@@ -1,0 +1,43 @@
+"""Units in the names of channels, in whatever language the rest of the name is."""
+
+import pytest
+
+from analysis.closeloop.logs.units import parted
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("Gelenkwinkel [°]", "deg"),
+        ("Angle (deg) left", "deg"),
+        ("angle_degrees", "deg"),
+        ("Winkel in Grad", "deg"),
+        ("Vitesse / deg/s", "deg/s"),
+        ("POS DEG/SEC", "deg/s"),
+        ("vel_rad_s", "rad/s"),
+        ("w (rad s^-1)", "rad/s"),
+        ("v [deg·s⁻¹]", "deg/s"),
+        ("acc [rad/s²]", "rad/s2"),
+        ("Drehzahl [1/min]", "rpm"),
+        ("Couple (N·m)", "Nm"),
+        ("M [N m]", "Nm"),
+        ("Torque FT-LBS", "ftlb"),
+        ("Zeit / ms", "ms"),
+        ("t [µs]", "us"),
+        ("Motorstrom, mA", "mA"),
+        ("u_V", "V"),
+    ],
+)
+def test_a_unit_is_read_however_it_is_written(name: str, unit: str) -> None:
+    assert parted(name)[1] == unit
+
+
+@pytest.mark.parametrize(
+    "name", ["", "u_v", "q[0]", "temperature [°C]", "gradient", "joints/elbow/position"]
+)
+def test_what_is_no_unit_is_none(name: str) -> None:
+    assert parted(name) == (name, None, False)
+
+
+def test_a_name_of_any_length_is_read_at_once() -> None:
+    assert parted("_ [" * 100_000)[1] is None
