@@ -1,31 +1,70 @@
-"""Plain friction in the place of a richer law that nothing needs any more.
+"""Laws of friction that are asked together, since one hides the other.
 
 A richer law may have been taken for what the model lacked by then: for what another joint passes
 on, say, or for two plain ones that were not asked together. What it predicts better than Coulomb
 and viscous friction has to be more than luck.
+
+A peak at low speed (Stribeck) and damping hide each other: in slow motion the one falls as the
+other rises, and left-out rows miss neither alone.
 """
 
+from dataclasses import replace
+
 from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    evaluate,
+    one_joint,
+)
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.candidates import tried_alone
 from sim.effects.catalogue import BY_NAME
+from sim.effects.effect import Effect
 
 #: Coulomb friction last: beside damping it turns at once, and without over all speeds.
 PLAIN = (BY_NAME["viscous_friction"], BY_NAME["coulomb_friction"])
+#: Damping, and a peak at low speed that has Coulomb friction in it.
+PEAKED = (BY_NAME["viscous_friction"], BY_NAME["stribeck_friction"])
 
 
 def with_plain_friction(model: Model, rows: Rows) -> Model:
     """Return the model with plain friction at every joint that shows no richer one."""
     for candidate in [c for c in model.effects if PLAIN[-1].name in c.effect.includes]:
-        simpler = model.without(candidate)
-        there = {other.key for other in simpler.effects}
-        for effect in PLAIN:
-            plain = Candidate(effect=effect, joint=candidate.joint)
-            if plain.key not in there and plain.key not in model.declared:
-                found = tried_alone(simpler, rows, plain)
-                simpler = simpler if found is None else found[0]
+        simpler = _with(model.without(candidate), rows, candidate.joint, PLAIN)
         worse, better = evaluate(simpler, rows).losses, evaluate(model, rows).losses
         if not more_than_luck(worse, better, rows.fold_of_block, ALONE_Z):
             model = simpler
+    return model
+
+
+def with_peaked_friction(model: Model, rows: Rows) -> Model:
+    """Return the model with damping and a peak at low speed where Coulomb friction stood for both.
+
+    Damping alone comes first, which may be missed beside what was found since.
+    """
+    for joint in rows.joints:
+        coulomb = Candidate(effect=PLAIN[-1], joint=joint)
+        if coulomb not in model.effects:
+            continue
+        own = rows.of_joint(joint)
+        alone = one_joint(model, evaluate(model, rows).coefficients, joint)
+        bare = alone.without(coulomb).without(Candidate(effect=PLAIN[0], joint=joint))
+        for laws in (PLAIN, PEAKED):
+            tried = _with(bare, own, joint, laws)
+            worse, better = evaluate(alone, own).losses, evaluate(tried, own).losses
+            if more_than_luck(worse, better, own.fold_of_block):
+                alone = tried
+        others = tuple(term for term in model.terms if set(term.columns) != {joint})
+        model = replace(model, terms=(*others, *alone.terms))
+    return model
+
+
+def _with(model: Model, rows: Rows, joint: int, laws: tuple[Effect, ...]) -> Model:
+    """Add laws of friction to a joint, one after the other, that are neither declared nor there."""
+    for effect in laws:
+        there = model.declared | {other.key for other in model.effects}
+        law = Candidate(effect=effect, joint=joint)
+        found = None if law.key in there else tried_alone(model, rows, law)
+        model = model if found is None else found[0]
     return model

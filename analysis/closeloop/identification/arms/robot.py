@@ -29,7 +29,10 @@ from analysis.closeloop.identification.arms.agreed import (
 from analysis.closeloop.identification.arms.gains import alike, with_gains
 from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.motors import with_other_joints
-from analysis.closeloop.identification.arms.plain_friction import with_plain_friction
+from analysis.closeloop.identification.arms.plain_friction import (
+    with_peaked_friction,
+    with_plain_friction,
+)
 from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.arms.zeros import ZERO, for_offsets, for_rare, with_zeros
@@ -116,6 +119,7 @@ def _traced(
         model, steps = with_rare(model, rows, joint)
         found |= steps
     model = with_other_joints(for_rare(model, rows, found.keys()), rows)
+    model = with_peaked_friction(model, rows)
     if found:
         progress("all joints together")
         bare = with_ordinary(model.keeping(lambda c: c.effect.name not in SHARED), rows)
@@ -163,8 +167,8 @@ def completed(grown: Grown, rows: Rows, before: Score) -> Grown:
 
 
 def plainly(grown: Grown, rows: Rows) -> Grown:
-    """Return what was found with plain friction where nothing shows a richer one."""
-    model = with_plain_friction(grown.model, rows)
+    """Return what was found with plain friction where nothing shows a richer one, or a peak."""
+    model = with_plain_friction(with_peaked_friction(grown.model, rows), rows)
     same = model is grown.model
     return grown if same else _grown(model, rows, {step.key: step for step in grown.steps})
 

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.plain_friction import with_plain_friction
-from analysis.closeloop.identification.balance.model import Candidate, Model
+from analysis.closeloop.identification.arms.plain_friction import (
+    with_peaked_friction,
+    with_plain_friction,
+)
+from analysis.closeloop.identification.arms.robot import with_ordinary
+from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.candidates import tried_alone
 from sim.effects.catalogue import BY_NAME
@@ -36,3 +40,36 @@ def test_two_equal_levels_are_coulomb_and_viscous_friction(
     assert found is not None
     plain = with_plain_friction(found[0], rows)
     assert {(c.effect.name, c.joint) for c in plain.effects} == {(name, JOINT) for name in kept}
+
+
+def test_a_peak_at_low_speed_and_damping_that_hide_each_other_are_asked_together() -> None:
+    """Slow ramps of an opponent's arms: neither was missed alone, and Coulomb friction stayed."""
+    robot = moving()
+    velocity = robot.velocity
+    peaked = 0.3 + 0.4 * np.exp(-((velocity / 0.8) ** 2))
+    effort = robot.inverse + peaked * np.tanh(velocity / 0.02) + 0.25 * velocity
+    loud = measured(robot, effort, noise=0.02)
+    rows = select_rows(loud, (0,))
+    coulomb = Candidate(effect=BY_NAME["coulomb_friction"], joint=JOINT)
+    found = tried_alone(Model(loud), rows, coulomb)
+    assert found is not None
+    model = with_peaked_friction(found[0], rows)
+    names = {"stribeck_friction", "viscous_friction"}
+    assert {(c.effect.name, c.joint) for c in model.effects} == {(name, JOINT) for name in names}
+    values = {
+        term.effect.name: own.tolist()
+        for term, own in model.split(evaluate(model, rows).coefficients)
+        if term.effect is not None
+    }
+    assert values["viscous_friction"] == pytest.approx([0.25], rel=0.1)
+    assert values["stribeck_friction"] == pytest.approx([0.3, 0.4], rel=0.15)
+
+
+def test_where_there_is_no_peak_friction_stays_plain() -> None:
+    robot = moving()
+    effort = robot.inverse + 0.3 * np.tanh(robot.velocity / 0.02) + 0.25 * robot.velocity
+    loud = measured(robot, effort, noise=0.02)
+    rows = select_rows(loud, (0,))
+    model = with_ordinary(Model(loud), rows)
+    again = with_peaked_friction(model, rows)
+    assert {c.key for c in again.effects} == {c.key for c in model.effects}
