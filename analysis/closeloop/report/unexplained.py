@@ -198,10 +198,11 @@ def at_rest_where_worse(recording: Recording, holdout: Errors) -> list[str]:
     lines = []
     for joint, (error, _) in after.items():
         way = float(np.ptp(recording.position[held_out, joint]))
-        if error <= before[joint][0] or way > MOVING:
+        begun, ended = f"{before[joint][0]:.3g}", f"{error:.3g}"
+        if error <= before[joint][0] or begun == ended or way > MOVING:
             continue
         name = recording.name(joint)
-        grows = f"{before[joint][0]:.3g} to {error:.3g} {recording.device.unit(name)}"
+        grows = f"{begun} to {ended} {recording.device.unit(name)}"
         lines.append(
             f"{name}: its error grows, {grows}, in held-out trials in which it only rests; at rest "
             "friction balances any torque, so neither number tells whether what was found is "

@@ -42,4 +42,7 @@ def test_an_error_that_grows_where_a_joint_only_rests_says_nothing_of_a_repair(
     (line,) = at_rest_where_worse(still, Errors(before=[small], after=[large]))
     assert "elbow: its error grows, 0.06 to 0.46 Nm" in line and "hold out a trial" in line
     assert at_rest_where_worse(still, Errors(before=[large], after=[small])) == []
+    # What no reader could see.
+    more = error(recording, whole, 0.06001)
+    assert at_rest_where_worse(still, Errors(before=[small], after=[more])) == []
     assert at_rest_where_worse(recording, Errors(before=[small], after=[large])) == []
