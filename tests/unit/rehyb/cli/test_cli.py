@@ -188,14 +188,26 @@ def test_a_database_that_cannot_be_opened_is_one_sentence(
 
 
 @pytest.mark.parametrize(
-    "command", [("check",), ("backup", "copy.sqlite3"), ("copy", "sqlite:///b")]
+    "command",
+    [
+        "db check",
+        "db backup copy.sqlite3",
+        "db copy sqlite:///b",
+        "token create anna --scope read",
+        "token list",
+        "token revoke abc",
+        "analysis",
+    ],
 )
-def test_no_empty_database_is_made_to_be_backed_up(
-    run: Run, command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_no_empty_database_is_made_beside_the_one_that_was_meant(
+    run: Run, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Beside a coordinator of `rehyb up` that printed: back up a database of nothing."""
+    """In another folder than that of `rehyb up`: a token that no coordinator knows, say."""
     monkeypatch.chdir(tmp_path)
-    status, _, err = run("db", *command)
+    monkeypatch.delenv("REHYB_DATABASE_URL", raising=False)
+    # `analysis` ends by signals.
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    status, _, err = run(*command.split())
     assert status == 1 and "there is no database" in err and ".rehyb/rehyb.sqlite3" in err
     assert not list(tmp_path.glob("*.sqlite3"))
 
