@@ -11,6 +11,12 @@ from models.description import Description
 
 _OUTCOME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
+#: Why no worker takes a model that says that it is deterministic and is not.
+NOT_DETERMINISTIC = (
+    "it gives other numbers at the same point with another seed, or the second time; write "
+    "`deterministic = false` under [model]"
+)
+
 #: What the four kinds have in common: parameters and a seed in, outputs or a ModelFailure out.
 Evaluator = Callable[[Mapping[str, float], int], Mapping[str, float]]
 

@@ -24,6 +24,11 @@ _OPTION = {
 }
 #: Models that a worker tells of at most: a coordinator takes no more of one.
 MOST_MODELS = 100
+OTHER_VERSION = (
+    "it was started with another version of it: start it again if that is what its folder holds now"
+)
+#: Characters of why a model is refused that are told.
+MOST_SAID = 300
 
 
 @dataclass(kw_only=True)
@@ -90,12 +95,16 @@ class WorkerModels:
             except (Unreachable, ServerError):
                 raise
             except (RehybError, NoModelError) as error:
-                log.error("does not take %s: %s", version, error)
-                self.canaries.refused.add(version)
+                self.canaries.refuse(version, str(error))
                 continue
             if canary is not None:
                 offered[version] = canary
         return offered
+
+    def refused(self) -> Mapping[str, str]:
+        """Return which models this worker does not take, each with a line that says why."""
+        latest = list(self.canaries.refused.items())[-MOST_MODELS:]
+        return {version: _line(why) for version, why in latest}
 
     def _tell_of_code(self, wanted: Sequence[Json]) -> None:
         """Say once of each model of open studies whose code is not here that it is not."""
@@ -105,10 +114,15 @@ class WorkerModels:
             if model["kind"] == Kind.MJCF or version in self._named or version in self._told:
                 continue
             self._told.add(version)
-            why = f"its code is not here; whoever has it names it with {_OPTION[model['kind']]}"
             if model["name"] in names:
-                why = "what was named here is another version of it"
+                self.canaries.refuse(version, OTHER_VERSION)
+                continue
+            why = f"its code is not here; whoever has it names it with {_OPTION[model['kind']]}"
             log.info("takes nothing of studies of %s: %s", version, why)
+
+
+def _line(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text)[:MOST_SAID]
 
 
 def _version(model: Json) -> str:
