@@ -13,7 +13,6 @@ from models.folder import ModelError, ModelFolder
 PROTOCOL = 1.0
 #: Seconds for a question whose answer is no evaluation.
 ASK_SECONDS = 30.0
-_TABLE = {"name", "config"}
 
 
 class Server:
@@ -97,11 +96,10 @@ class RemoteModel:
     """A model of a server, whose vectors are our factors and outputs, one after another.
 
     Raises:
-        ModelError: `[umbridge]` cannot be used, or the server's model has other sizes.
+        ModelError: the server has no such model, or it has other sizes.
     """
 
     def __init__(self, folder: ModelFolder, server: Server) -> None:
-        folder.check_run(_TABLE)
         self._name = folder.run.get("name", folder.description.name)
         self._config = folder.run.get("config", {})
         self._description, self._server = folder.description, server

@@ -1,7 +1,7 @@
 """Commands about models of one's own: `model check|add|list|show`, and `umbridge serve`."""
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +25,8 @@ CORNERS_OF = 5
 SHOWN = 4
 #: Seconds that one evaluation may take while a model is checked.
 CHECK_SECONDS = 120.0
+#: How `check` calls its second look at the nominal point, which canaries of workers take, too.
+AGAIN = "again, another seed"
 
 Folder = Annotated[
     Path, typer.Argument(metavar="DIR", help="A folder with model.toml.", show_default=False)
@@ -42,11 +44,12 @@ def check(
         ),
     ] = None,
 ) -> Answer:
-    """Evaluate a model here, at its nominal point and at corners of its factors' ranges.
+    """Evaluate a model here, at its nominal point, twice, and at corners of its factors' ranges.
 
-    Exit status 1 if an evaluation fails.
+    Exit status 1 if an evaluation fails, or another seed changes what is said to be deterministic.
     """
     from models.description import Kind
+    from models.evaluation import NOT_DETERMINISTIC
     from models.running.place import Place
     from models.running.pool import Pool
 
@@ -65,15 +68,25 @@ def check(
     pool = Pool(1, place.child_seconds or CHECK_SECONDS)
     try:
         for where, parameters in _points(description):
-            result = _evaluated(pool, place, parameters)
+            seed = 2 if where == AGAIN else 1
+            result = _evaluated(pool, place, parameters, seed)
             rows.append({"where": where, "parameters": parameters, **result})
     finally:
         pool.kill()
-    failed = sum(row["outcome"] != "ok" for row in rows)
+    bad = [row for row in rows if row["outcome"] != "ok"]
+    faults = [*dict.fromkeys(f"{row['outcome']}: {row['reason']}" for row in bad)]
+    first, again = (row["outputs"] for row in rows[:2])
+    if description.deterministic and first and again and first != again:
+        faults.append(f"no worker would take it: {NOT_DETERMINISTIC}")
     return Answer(
-        {"model": description.version, "evaluations": rows, "failed": failed},
-        lambda: _print_check(description, rows, failed),
-        status=1 if failed else 0,
+        {
+            "model": description.version,
+            "evaluations": rows,
+            "failed": len(bad),
+            "faults": faults,
+        },
+        lambda: _print_check(description, rows, faults),
+        status=1 if faults else 0,
     )
 
 
@@ -200,11 +213,12 @@ def _read(folder: Path) -> "ModelFolder":
 
 
 def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield the nominal point and corners of the ranges, each with its name."""
+    """Yield the nominal point, twice, and corners of the ranges, each with its name."""
     from itertools import product
 
     nominal = {factor.name: factor.nominal for factor in description.factors}
     yield "nominal", nominal
+    yield AGAIN, nominal
     if len(description.factors) <= CORNERS_OF:
         for ends in product(("low", "high"), repeat=len(description.factors)):
             yield (
@@ -220,8 +234,8 @@ def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]
             yield f"{factor.name} {end}", {**nominal, factor.name: float(getattr(factor, end))}
 
 
-def _evaluated(pool: Any, place: Any, parameters: Mapping[str, float]) -> Json:
-    instance = {"id": "check", "model": "", "parameters": parameters, "place": place, "seed": 1}
+def _evaluated(pool: Any, place: Any, parameters: Mapping[str, float], seed: int) -> Json:
+    instance = {"id": "check", "model": "", "parameters": parameters, "place": place, "seed": seed}
     pool.start({**instance, "time_limit": place.child_seconds}, None)
     while not (finished := pool.wait(1.0)):
         pass
@@ -230,7 +244,7 @@ def _evaluated(pool: Any, place: Any, parameters: Mapping[str, float]) -> Json:
     return result
 
 
-def _print_check(description: "Description", rows: list[Json], failed: int) -> None:
+def _print_check(description: "Description", rows: list[Json], faults: Iterable[str]) -> None:
     typer.echo(f"{description.version}: {description.kind}, {len(description.factors)} factors")
     outputs = [output.columns[-1] for output in description.results[:SHOWN]]
     print_rows(
@@ -245,10 +259,9 @@ def _print_check(description: "Description", rows: list[Json], failed: int) -> N
             for row in rows
         ],
     )
-    for reason in dict.fromkeys(f"{row['outcome']}: {row['reason']}" for row in rows):
-        if not reason.startswith("ok"):
-            typer.echo(reason)
-    if not failed:
+    for fault in faults:
+        typer.echo(fault)
+    if not faults:
         typer.echo("next: rehyb model add DIR, then rehyb study submit --model NAME")
 
 

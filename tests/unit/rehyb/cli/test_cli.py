@@ -118,8 +118,9 @@ def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
     [
         ("study submit --rows 5", "a study needs model, method: give --model --method, or a FILE"),
         ("study submit no-such-file.json", "no-such-file.json cannot be read: No such file"),
-        ("study submit --factor x1", "'x1' is not of the form name=value"),
-        ("study submit --factor x1=3", "'x1=3' is not of the form NAME=LOW:HIGH"),
+        ("study submit --factor x1", "'x1' is not of the form NAME=LOW:HIGH, as in x1=0.5:1.5"),
+        ("study submit --factor m=3", "'m=3' is not of the form NAME=LOW:HIGH, as in m=0.5:1.5"),
+        ("study submit --factor =0:1", "'=0:1' is not of the form NAME=LOW:HIGH, as in x1=0."),
         ("study submit --fix x1=much", "x1 must be a number, not 'much'"),
         ("campaign run --directory d --preset huge", "no preset 'huge': take demo or paper"),
         ("campaign run --directory d --output z", "elbow has no output 'z': it has stiffness_err"),

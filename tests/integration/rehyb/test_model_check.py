@@ -1,0 +1,82 @@
+"""`rehyb model check` tells what a newcomer's model lacks before any worker refuses it."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.testbed.command import run as run
+from tests.testbed.models import edited
+
+Run = Callable[..., tuple[int, str, str]]
+
+#: A program of one point at a time, with a space in its path.
+TOML = """
+[model]
+name = "mine"
+kind = "command"
+[[factors]]
+name = "x"
+unit = "1"
+low = 0.0
+high = 1.0
+nominal = 0.5
+[[outputs]]
+name = "y"
+unit = "1"
+[command]
+run = ["python3", "my model.py"]
+"""
+HEAD = "import json, random, sys\nasked = json.loads(input())\nx = asked['parameters']['x']\n"
+
+
+def model(scratch: Path, program: str) -> Path:
+    folder = scratch / "a folder"
+    folder.mkdir()
+    (folder / "model.toml").write_text(TOML)
+    (folder / "my model.py").write_text(HEAD + program)
+    return folder
+
+
+@pytest.mark.parametrize("noise", ["random.random()", "asked['seed']"])
+def test_a_model_with_noise_is_told_so_unless_it_says_so_itself(
+    run: Run, noise: str, tmp_path: Path
+) -> None:
+    folder = model(tmp_path, f"print(json.dumps({{'outputs': {{'y': x + {noise}}}}}))")
+    status, out, _ = run("model", "check", str(folder))
+    assert status == 1
+    assert "it gives other numbers at the same point" in out and "next:" not in out
+    assert "write `deterministic = false` under [model]" in " ".join(out.split())
+    text = (folder / "model.toml").read_text()
+    (folder / "model.toml").write_text(text.replace("[model]", "[model]\ndeterministic = false"))
+    assert run("model", "check", str(folder))[0] == 0
+
+
+def test_a_model_without_noise_is_looked_at_twice_and_may_be_added(
+    run: Run, tmp_path: Path
+) -> None:
+    status, out, _ = run("model", "check", str(edited("pendulum", tmp_path)), "--json")
+    said = json.loads(out)
+    first, again, *_ = said["evaluations"]
+    assert (status, said["failed"], said["faults"]) == (0, 0, [])
+    assert first["outputs"] == again["outputs"] and again["where"] == "again, another seed"
+
+
+#: What people do wrong, and what they are told.
+MISTAKES = {
+    "print('starting'); print('{\"outputs\": {\"y\": 1}}')": "more than one line for one point",
+    'print(\'{"outputs": {"Y": 1}}\')': "output 'Y' is not in its description",
+    "print(json.dumps({'outputs': {'y': float('nan')}}))": "y came out as nan",
+    "raise ValueError('no such muscle')": "it said last: ValueError: no such muscle",
+    "print(x)": "must print {",
+    "pass": "before it answered: it must print one line of JSON",
+}
+
+
+@pytest.mark.parametrize("program", MISTAKES)
+def test_a_mistake_is_told_where_the_model_is_checked(
+    run: Run, program: str, tmp_path: Path
+) -> None:
+    status, out, _ = run("model", "check", str(model(tmp_path, program)))
+    assert status == 1 and MISTAKES[program] in out
