@@ -124,12 +124,12 @@ class _Program:
         last = not self._keep
         self._listen(0.0)
         if self._said:
-            raise ModelFailure("bad_answer", "the program printed something unasked")
+            raise self._said_more("before it was asked")
         line = self._exchange(question, deadline, last=last)
         if last:
             self._said += self._rest(deadline)
         if self._said.strip():
-            raise ModelFailure("bad_answer", "the program printed more than one line for one point")
+            raise self._said_more("besides its answer", b"" if line.startswith(b"{") else line)
         if last:
             code = self._exit_status(deadline)
             if code != 0:
@@ -137,9 +137,8 @@ class _Program:
         try:
             return json.loads(line)
         except (ValueError, RecursionError):
-            shown = line[:80].decode(errors="replace")
             raise ModelFailure(
-                "bad_answer", f"the program printed {shown!r}, which is not one line of JSON"
+                "bad_answer", f"the program printed {_shown(line)}, which is not one line of JSON"
             ) from None
 
     def end(self) -> None:
@@ -268,8 +267,19 @@ class _Program:
             "crashed", f"the program {how} before it answered{right}{self._last_words()}"
         )
 
+    def _said_more(self, when: str, line: bytes = b"") -> ModelFailure:
+        said = _shown(b"\n".join((line, self._said)).strip().partition(b"\n")[0])
+        return ModelFailure(
+            "bad_answer",
+            f"the program printed {said} {when}: it must print one line for each line that it "
+            "reads, and all else on stderr",
+        )
+
     def _timed_out(self) -> ModelFailure:
-        return ModelFailure("timed_out", f"the program gave no answer in time{self._last_words()}")
+        return ModelFailure(
+            "timed_out",
+            f"the program gave no answer in time (model.time_limit){self._last_words()}",
+        )
 
     def _last_words(self) -> str:
         assert self._process.stderr
@@ -308,8 +318,14 @@ def _outputs(answer: Any) -> Mapping[str, Any]:
             raise ModelFailure("bad_answer", str(error)) from None
         raise failure
     raise ModelFailure(
-        "bad_answer", 'the program must print {"outputs": {...}} or {"outcome": ..., "reason": ...}'
+        "bad_answer",
+        'the program must print {"outputs": {...}} or {"outcome": ..., "reason": ...}, not '
+        + (f"an object of {', '.join(said)[:80]}" if said else "anything else"),
     )
+
+
+def _shown(line: bytes) -> str:
+    return repr(line[:80].decode(errors="replace"))
 
 
 def _how(code: int | None) -> str:

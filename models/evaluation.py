@@ -80,8 +80,12 @@ def columns(description: Description, outputs: Mapping[str, Any]) -> dict[str, f
 
 def _points(name: str, value: Any, count: int) -> Sequence[Any]:
     points = value.tolist() if hasattr(value, "tolist") else value
-    if not isinstance(points, Sequence) or isinstance(points, str) or len(points) != count:
-        raise ModelFailure("bad_answer", f"output {name} must be {count} numbers")
+    if not isinstance(points, Sequence) or isinstance(points, str):
+        raise ModelFailure("bad_answer", f"output {name} must be a list of {count} numbers")
+    if len(points) != count:
+        raise ModelFailure(
+            "bad_answer", f"output {name} must be a list of {count} numbers, not of {len(points)}"
+        )
     return points
 
 

@@ -29,6 +29,7 @@ LIMITS = Limits(
 #: Entries of factors and outputs that say how a model of kind `mjcf` is changed and read.
 MJCF_ENTRIES = {"factors": ("sets", "scales"), "outputs": ("sensor", "reduce", "over")}
 
+_MODEL = ("name", "kind", "description", "time_limit", "deterministic")
 #: An example of what runs a program.
 _PROGRAM = '["python3", "model.py"]'
 
@@ -76,6 +77,9 @@ def read_folder(path: Path) -> ModelFolder:
             f"model.kind is {kind!r}: expected mjcf, command or umbridge; a Python model comes in "
             "a package and needs no folder"
         )
+    for name in model:
+        if name not in _MODEL:
+            raise ModelError(f"model.{name[:80]} is unknown: expected {', '.join(_MODEL)}")
     for name in said:
         if name not in ("model", "factors", "outputs", kind):
             raise ModelError(f"[{name[:80]}] is unknown: expected model, factors, outputs, {kind}")
@@ -149,6 +153,8 @@ def _toml(folder: Path) -> dict[str, Any]:
         raise
     except FileNotFoundError:
         raise ModelError(f"there is no such file in {folder}") from None
+    except NotADirectoryError:
+        raise ModelError(f"{folder} is a file: name the folder that it is in") from None
     except OSError as error:
         raise ModelError(f"cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:

@@ -1,8 +1,9 @@
 """Commands about models of one's own: `model check|add|list|show`, and `umbridge serve`."""
 
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -58,6 +59,10 @@ def check(
     place = Place.of(description, str(read.path), umbridge or "")
     if description.kind == Kind.UMBRIDGE and umbridge is None:
         raise Invalid("a model of kind umbridge needs its server: --umbridge URL")
+    if description.kind != Kind.UMBRIDGE and umbridge is not None:
+        raise Invalid(
+            f"--umbridge is for a model of kind umbridge: this is one of {description.kind}"
+        )
     if description.kind == Kind.MJCF:
         from models.folder import ModelError
         from models.mjcf.simulate import Simulation
@@ -85,7 +90,7 @@ def check(
             "failed": len(bad),
             "faults": faults,
         },
-        lambda: _print_check(description, rows, faults),
+        lambda: _print_check(description, rows, faults, folder),
         status=1 if faults else 0,
     )
 
@@ -100,7 +105,10 @@ def add(folder: Folder, client: Client) -> Answer:
     model = client.model(version)
     runs = "every worker evaluates it"
     if model["kind"] != Kind.MJCF:
-        runs = f"start `rehyb-worker --models {folder}` where its program is to run"
+        named = f"--models {quote(str(folder))}"
+        if model["kind"] == Kind.UMBRIDGE:
+            named += " --umbridge URL"
+        runs = f"start `rehyb-worker {named}` where it is to run"
     return Answer(model, f"{version}: {runs}")
 
 
@@ -206,10 +214,17 @@ def _served(model: str) -> "tuple[Description, Any]":
 
 
 def _read(folder: Path) -> "ModelFolder":
-    from models.folder import ModelError, read_folder
+    from models.built_in import built_in_models
+    from models.folder import MODEL_FILE, ModelError, read_folder
 
     with refusing(ModelError):
-        return read_folder(folder)
+        read = read_folder(folder)
+    if read.description.name in built_in_models():
+        raise Invalid(
+            f"{MODEL_FILE}: model.name: {read.description.name} is a model of rehyb's own: choose "
+            "another name"
+        )
+    return read
 
 
 def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]]:
@@ -244,7 +259,9 @@ def _evaluated(pool: Any, place: Any, parameters: Mapping[str, float], seed: int
     return result
 
 
-def _print_check(description: "Description", rows: list[Json], faults: Iterable[str]) -> None:
+def _print_check(
+    description: "Description", rows: list[Json], faults: list[str], folder: Path
+) -> None:
     typer.echo(f"{description.version}: {description.kind}, {len(description.factors)} factors")
     outputs = [output.columns[-1] for output in description.results[:SHOWN]]
     print_rows(
@@ -262,7 +279,10 @@ def _print_check(description: "Description", rows: list[Json], faults: Iterable[
     for fault in faults:
         typer.echo(fault)
     if not faults:
-        typer.echo("next: rehyb model add DIR, then rehyb study submit --model NAME")
+        typer.echo(
+            f"next: rehyb model add {quote(str(folder))}, then "
+            f"rehyb study submit --model {description.name} --method saltelli --rows 256"
+        )
 
 
 def _print_model(model: Json) -> None:

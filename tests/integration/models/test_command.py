@@ -30,7 +30,11 @@ TROUBLES = {
         "bad_answer",
         "must print",
     ),
-    "repeats itself": ("print('{}\\n{}')", "bad_answer", "more than one line"),
+    "repeats itself": (
+        "print('{}\\n{}')",
+        "bad_answer",
+        "besides its answer: it must print one line for each",
+    ),
     "forgets": ("""print('{"outputs": {}}')""", "bad_answer", "output y is missing"),
     "invents": ("""print('{"outputs": {"y": 1, "z": 2}}')""", "bad_answer", "'z' is not in"),
     "worries": ("""print('{"outputs": {"y": NaN}}')""", "not_finite", "y came out as nan"),
@@ -124,7 +128,7 @@ def test_a_late_line_is_no_answer_though_its_program_has_ended(tmp_path: Path) -
     program = command(tmp_path, does=f"{late}; {late}; sys.exit(0)")
     assert program({"x1": 0.0})["y"] == 1.0
     time.sleep(1.0)
-    with pytest.raises(ModelFailure, match="printed something unasked"):
+    with pytest.raises(ModelFailure, match="before it was asked: it must print one line"):
         program({"x1": 0.5})
 
 

@@ -65,8 +65,9 @@ def test_a_model_without_noise_is_looked_at_twice_and_may_be_added(
 
 #: What people do wrong, and what they are told.
 MISTAKES = {
-    "print('starting'); print('{\"outputs\": {\"y\": 1}}')": "more than one line for one point",
+    "print('starting'); print('{\"outputs\": {\"y\": 1}}')": "'starting' besides its answer",
     'print(\'{"outputs": {"Y": 1}}\')': "output 'Y' is not in its description",
+    "print('{\"y\": 1}')": "an object of y",
     "print(json.dumps({'outputs': {'y': float('nan')}}))": "y came out as nan",
     "raise ValueError('no such muscle')": "it said last: ValueError: no such muscle",
     "print(x)": "must print {",
@@ -80,3 +81,26 @@ def test_a_mistake_is_told_where_the_model_is_checked(
 ) -> None:
     status, out, _ = run("model", "check", str(model(tmp_path, program)))
     assert status == 1 and MISTAKES[program] in out
+
+
+def test_what_is_named_wrong_is_told_in_a_sentence(run: Run, tmp_path: Path) -> None:
+    folder = model(tmp_path, "pass")
+    said = "--umbridge is for a model of kind umbridge: this is one of command"
+    assert run("model", "check", str(folder), "--umbridge", "http://h")[::2] == (
+        2,
+        f"rehyb: {said}\n",
+    )
+    said = f"model.toml: {folder}/model.toml is a file: name the folder that it is in"
+    assert run("model", "check", str(folder / "model.toml"))[::2] == (2, f"rehyb: {said}\n")
+    (folder / "model.toml").write_text(TOML.replace('"mine"', '"elbow"'))
+    said = "model.toml: model.name: elbow is a model of rehyb's own: choose another name"
+    assert run("model", "check", str(folder))[::2] == (2, f"rehyb: {said}\n")
+    (folder / "model.toml").write_text(TOML.replace("[model]", '[model]\nunits = "SI"'))
+    status, _, err = run("model", "check", str(folder))
+    assert status == 2 and "model.units is unknown: expected name, kind, description" in err
+
+
+def test_what_to_do_next_can_be_typed_as_it_stands(run: Run, tmp_path: Path) -> None:
+    folder = model(tmp_path, "print(json.dumps({'outputs': {'y': x}}))")
+    _, out, _ = run("model", "check", str(folder))
+    assert f"next: rehyb model add '{folder}', then rehyb study submit --model mine --method" in out
