@@ -27,8 +27,10 @@ class Server:
         # A server of models stands beside the worker; a proxy would not know it.
         self._http = httpx2.Client(timeout=ASK_SECONDS, trust_env=False)
         info = self._asked("GET", "Info")
-        if info.get("protocolVersion") != PROTOCOL:
-            raise self._wrong(f"speaks version {info.get('protocolVersion')}, not {PROTOCOL}")
+        if "protocolVersion" not in info:
+            raise self._wrong("is no UM-Bridge server: it tells no protocolVersion")
+        if info["protocolVersion"] != PROTOCOL:
+            raise self._wrong(f"speaks version {info['protocolVersion']}, not {PROTOCOL}")
         self.models: Sequence[str] = info.get("models") or ()
 
     def evaluates(self, name: str) -> bool:

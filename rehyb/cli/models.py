@@ -278,11 +278,25 @@ def _print_check(
     )
     for fault in faults:
         typer.echo(fault)
+    for name in still(description, [row["outputs"] for row in rows]):
+        typer.echo(f"{name} is the same at every point: nothing here moves it")
     if not faults:
         typer.echo(
             f"next: rehyb model add {quote(str(folder))}, then "
             f"rehyb study submit --model {description.name} --method saltelli --rows 256"
         )
+
+
+def still(description: "Description", outputs: list[dict[str, float]]) -> list[str]:
+    """Return the outputs that are the same wherever a model has an answer, at several points."""
+    answers = [answer for answer in outputs if answer]
+    if len(answers) <= 2:
+        return []
+    return [
+        output.name
+        for output in description.results
+        if all(len({answer.get(name) for answer in answers}) == 1 for name in output.columns)
+    ]
 
 
 def _print_model(model: Json) -> None:

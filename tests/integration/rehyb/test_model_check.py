@@ -47,7 +47,7 @@ def test_a_model_with_noise_is_told_so_unless_it_says_so_itself(
     status, out, _ = run("model", "check", str(folder))
     assert status == 1
     assert "it gives other numbers at the same point" in out and "next:" not in out
-    assert "write `deterministic = false` under [model]" in " ".join(out.split())
+    assert "says `deterministic = false`" in " ".join(out.split())
     text = (folder / "model.toml").read_text()
     (folder / "model.toml").write_text(text.replace("[model]", "[model]\ndeterministic = false"))
     assert run("model", "check", str(folder))[0] == 0
@@ -104,3 +104,8 @@ def test_what_to_do_next_can_be_typed_as_it_stands(run: Run, tmp_path: Path) -> 
     folder = model(tmp_path, "print(json.dumps({'outputs': {'y': x}}))")
     _, out, _ = run("model", "check", str(folder))
     assert f"next: rehyb model add '{folder}', then rehyb study submit --model mine --method" in out
+
+
+def test_an_output_that_nothing_moves_is_named(run: Run, tmp_path: Path) -> None:
+    _, out, _ = run("model", "check", str(model(tmp_path, 'print(\'{"outputs": {"y": 0}}\')')))
+    assert "y is the same at every point: nothing here moves it" in out

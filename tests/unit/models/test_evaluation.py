@@ -53,6 +53,12 @@ def test_what_is_no_answer_is_one_sentence(
     assert str(caught.value) == f"{outcome}: {reason}"
 
 
+@pytest.mark.parametrize("answer", [[1.0], 1.0, None])
+def test_an_answer_without_names_is_told_so(answer: Any) -> None:
+    with pytest.raises(ModelFailure, match=r"^bad_answer: outputs must be numbers by name, not of"):
+        columns(MODEL, answer)
+
+
 @pytest.mark.parametrize("outcome", ["ok", "", "Diverged", "1st", "x" * 81])
 def test_a_failure_has_a_name_of_its_own(outcome: str) -> None:
     with pytest.raises(ValueError, match=f"^outcome '{outcome[:80]}' must be 1 to 40 of a to z"):
