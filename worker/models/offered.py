@@ -27,8 +27,8 @@ MOST_MODELS = 100
 OTHER_VERSION = (
     "it was started with another version of it: start it again if that is what its folder holds now"
 )
-#: Characters of why a model is refused that are told.
-MOST_SAID = 300
+#: Refused models that are told, and characters of why: a coordinator takes no more.
+MOST_REFUSED, MOST_SAID = 20, 300
 
 
 @dataclass(kw_only=True)
@@ -49,6 +49,8 @@ class WorkerModels:
     #: Versions of which was said that this worker takes nothing.
     _told: set[str] = field(default_factory=set)
     _wanted: dict[str, Description] = field(default_factory=dict)
+    #: Versions of which there are open studies, whatever their kind.
+    _open: set[str] = field(default_factory=set)
     _look_at: float = 0.0
 
     def __post_init__(self) -> None:
@@ -85,6 +87,7 @@ class WorkerModels:
                 for model in wanted[: self._room]
                 if model["kind"] == Kind.MJCF
             }
+            self._open = {_version(model) for model in wanted}
             self._tell_of_code(wanted)
         offered = dict.fromkeys((*MODELS, *self.own), "")
         for version, description in (self._named | self._wanted).items():
@@ -102,9 +105,13 @@ class WorkerModels:
         return offered
 
     def refused(self) -> Mapping[str, str]:
-        """Return which models this worker does not take, each with a line that says why."""
-        latest = list(self.canaries.refused.items())[-MOST_MODELS:]
-        return {version: _line(why) for version, why in latest}
+        """Return which models this worker does not take, each with a line that says why.
+
+        Of many those for which studies wait, and the latest.
+        """
+        versions = sorted(self.canaries.refused, key=lambda version: version in self._open)
+        told = versions[-MOST_REFUSED:]
+        return {version: _line(self.canaries.refused[version]) for version in told}
 
     def _tell_of_code(self, wanted: Sequence[Json]) -> None:
         """Say once of each model of open studies whose code is not here that it is not."""
@@ -122,7 +129,7 @@ class WorkerModels:
 
 
 def _line(text: str) -> str:
-    return "".join(c if c.isprintable() else " " for c in text)[:MOST_SAID]
+    return "".join(c if c.isprintable() else " " for c in text[:MOST_SAID])
 
 
 def _version(model: Json) -> str:

@@ -34,8 +34,8 @@ log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/v1/leases", tags=["leases"])
 
-#: One line.
-Reason = Annotated[str, StringConstraints(max_length=500, pattern=r"^[^\x00-\x1f\x7f]*$")]
+#: One line. All of a worker's are written at each of its requests, and kept for ever.
+Reason = Annotated[str, StringConstraints(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")]
 Fence = Annotated[int, Field(ge=0, le=MAX_INTEGER)]
 
 
@@ -54,7 +54,7 @@ class WorkerBody(Body):
     )
     refused: dict[Name, Reason] = Field(
         default_factory=dict,
-        max_length=100,
+        max_length=20,
         description="Models that this worker has or should have and does not evaluate, and why.",
     )
 
