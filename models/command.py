@@ -320,7 +320,7 @@ def _outputs(answer: Any) -> Mapping[str, Any]:
     raise ModelFailure(
         "bad_answer",
         'the program must print {"outputs": {...}} or {"outcome": ..., "reason": ...}, not '
-        + (f"an object of {', '.join(said)[:80]}" if said else "anything else"),
+        + (f"an object of {', '.join(said)[:80]!r}" if said else "anything else"),
     )
 
 

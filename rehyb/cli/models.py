@@ -80,8 +80,9 @@ def check(
         pool.kill()
     bad = [row for row in rows if row["outcome"] != "ok"]
     faults = [*dict.fromkeys(f"{row['outcome']}: {row['reason']}" for row in bad)]
-    first, again = (row["outputs"] for row in rows[:2])
-    if description.deterministic and first and again and first != again:
+    first, again = (row["outputs"] for row in (rows[0], rows[-1]))
+    # As text, since canaries tell -0.0 from 0.0.
+    if description.deterministic and first and again and repr(first) != repr(again):
         faults.append(f"no worker would take it: {NOT_DETERMINISTIC}")
     return Answer(
         {
@@ -228,12 +229,21 @@ def _read(folder: Path) -> "ModelFolder":
 
 
 def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield the nominal point, twice, and corners of the ranges, each with its name."""
-    from itertools import product
+    """Yield the nominal point, corners of the ranges and the nominal point, each with its name.
 
+    In between, as in canaries, so that a program that remembers other points is noticed.
+    """
     nominal = {factor.name: factor.nominal for factor in description.factors}
     yield "nominal", nominal
+    yield from _corners(description, nominal)
     yield AGAIN, nominal
+
+
+def _corners(
+    description: "Description", nominal: Mapping[str, float]
+) -> Iterator[tuple[str, dict[str, float]]]:
+    from itertools import product
+
     if len(description.factors) <= CORNERS_OF:
         for ends in product(("low", "high"), repeat=len(description.factors)):
             yield (

@@ -58,16 +58,32 @@ def test_a_model_without_noise_is_looked_at_twice_and_may_be_added(
 ) -> None:
     status, out, _ = run("model", "check", str(edited("pendulum", tmp_path)), "--json")
     said = json.loads(out)
-    first, again, *_ = said["evaluations"]
+    first, *_, again = said["evaluations"]
     assert (status, said["failed"], said["faults"]) == (0, 0, [])
     assert first["outputs"] == again["outputs"] and again["where"] == "again, another seed"
+
+
+#: A program that stays, and adds what it was asked before.
+KEPT = """
+last = 0.0
+while True:
+    print(json.dumps({'outputs': {'y': x + last}}), flush=True)
+    last, x = x, json.loads(input())['parameters']['x']
+"""
+
+
+def test_a_program_that_remembers_other_points_is_told_so(run: Run, tmp_path: Path) -> None:
+    folder = model(tmp_path, KEPT)
+    (folder / "model.toml").write_text(TOML + "keep = true\n")
+    status, out, _ = run("model", "check", str(folder))
+    assert status == 1 and "it gives other numbers at the same point" in out
 
 
 #: What people do wrong, and what they are told.
 MISTAKES = {
     "print('starting'); print('{\"outputs\": {\"y\": 1}}')": "'starting' besides its answer",
     'print(\'{"outputs": {"Y": 1}}\')': "output 'Y' is not in its description",
-    "print('{\"y\": 1}')": "an object of y",
+    "print('{\"y\": 1}')": "an object of 'y'",
     "print(json.dumps({'outputs': {'y': float('nan')}}))": "y came out as nan",
     "raise ValueError('no such muscle')": "it said last: ValueError: no such muscle",
     "print(x)": "must print {",
