@@ -4,6 +4,7 @@ The format is docs/use/models.md's.
 """
 
 import hashlib
+import json
 import shutil
 import tomllib
 import zipfile
@@ -183,6 +184,12 @@ def _check_run(folder: ModelFolder) -> None:
             raise ModelError("umbridge.name must be a text: what the server calls its model")
         if not isinstance(run.get("config", {}), dict):
             raise ModelError("umbridge.config must be a table, which the server gets as it is")
+        try:
+            json.dumps(run.get("config"), allow_nan=False)
+        except (TypeError, ValueError):
+            raise ModelError(
+                "umbridge.config goes to the server as JSON, which has no dates, inf or nan"
+            ) from None
 
 
 def _table(said: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -31,7 +31,10 @@ class Server:
             raise self._wrong("is no UM-Bridge server: it tells no protocolVersion")
         if info["protocolVersion"] != PROTOCOL:
             raise self._wrong(f"speaks version {info['protocolVersion']}, not {PROTOCOL}")
-        self.models: Sequence[str] = info.get("models") or ()
+        models = info.get("models") or []
+        if not isinstance(models, list) or not all(isinstance(name, str) for name in models):
+            raise self._wrong("does not tell the names of its models")
+        self.models: Sequence[str] = models
 
     def evaluates(self, name: str) -> bool:
         """Say whether the model `name` can be evaluated."""

@@ -9,6 +9,8 @@ import pytest
 from models.folder import LIMITS, ModelError, copied, pack, read_folder, unpacked_into
 from tests.testbed.models import EXAMPLES, edited
 
+NO_JSON = "goes to the server as JSON, which has no dates, inf or nan"
+
 
 def test_a_folder_packed_and_unpacked_is_the_same_version(tmp_path: Path) -> None:
     read = read_folder(EXAMPLES / "pendulum")
@@ -116,6 +118,8 @@ def test_how_a_program_is_run_is_looked_at_when_its_model_is_read(
     [
         ("name = 3", "umbridge.name must be a text: what the server calls its model"),
         ("config = 3", "umbridge.config must be a table, which the server gets as it is"),
+        ("config = {day = 2026-01-01}", f"umbridge.config {NO_JSON}"),
+        ("config = {most = inf}", f"umbridge.config {NO_JSON}"),
         ('url = "http://h"', "umbridge.url is unknown: expected config, name"),
     ],
 )
