@@ -34,6 +34,8 @@ ENOUGH_RUNS = 500.0
 #: Of the interval of the sum of total-order indices, which is never below 1, and of a share, which
 #: is never above 1: a linear function, of which it is 1, is then taken to task in 1 study of 200.
 _SURE_LEVEL = 0.99
+#: What is above 1 by less would be said to be "at least 1".
+_CLEARLY_ABOVE_ONE = 1.005
 _SHARES = {"first_order": "a first-order index", "total_order": "a total-order index"}
 
 
@@ -119,9 +121,10 @@ def _short_of_one(statistics: Mapping[str, Statistic], output: int) -> float | N
 
 
 def _above_one(statistics: Mapping[str, Statistic], index: str, output: int) -> float | None:
-    """Return the largest lower end of an index's intervals if it is above 1; None if none is."""
+    """Return the largest lower end of an index's intervals that is clearly above 1, if any is."""
     found = statistics.get(index)
     if found is None:
         return None
     low: NDArray[np.float64] = found.estimate(_SURE_LEVEL).low[output]
-    return float(low[low > 1.0].max()) if (low > 1.0).any() else None
+    above = low[low > _CLEARLY_ABOVE_ONE]
+    return float(above.max()) if above.size else None

@@ -151,7 +151,7 @@ def test_an_unknown_kurtosis_leaves_the_effective_runs_unknown() -> None:
 )
 def test_a_share_that_is_surely_above_one_is_not_to_be_trusted(index: str, what: str) -> None:
     enough = Sums(rows=128, runs=256, kurtosis_of_y=3.0)
-    whole = Shares(1.0)
+    whole = Shares(1.0049)
     assert judged(enough, **{index: whole}).trusted is True
     assert whole.asked == [0.99]
     found = judged(enough, **{index: Shares(1.048)})
