@@ -18,7 +18,7 @@ from typing import IO, Any
 
 from models.description import complete
 from models.evaluation import ModelFailure, columns
-from models.folder import ModelError, ModelFolder
+from models.folder import ModelFolder
 from models.processes import descendants, die_with_parent, end, memory_of, orphans
 
 #: Of one answer. A curve of a million points would be 20 MB; a program that prints more is stuck.
@@ -32,27 +32,21 @@ MEMORY_BYTES = 4 * 2**30
 LOOK_SECONDS = 0.25
 #: Seconds that a program gets to exit by itself once it has answered.
 GRACE_SECONDS = 2.0
-_TABLE = {"run", "keep"}
+#: What a program must do that ends before it answers, and takes that for right.
+_ONCE = ": it must print one line of JSON on stdout for the line that it reads"
+_KEPT = (
+    ": with keep = true it must stay, and print and flush one line of JSON for each line that it "
+    "reads, until there is no other"
+)
 #: Programs of this process that have not ended.
 _RUNNING: set[int] = set()
 
 
 class Command:
-    """A program that is evaluated at many points.
-
-    Raises:
-        ModelError: `[command]` cannot be used.
-    """
+    """A program that is evaluated at many points."""
 
     def __init__(self, folder: ModelFolder) -> None:
-        run = folder.run
-        folder.check_run(_TABLE)
-        words = run.get("run")
-        if not isinstance(words, list) or not words or not all(isinstance(w, str) for w in words):
-            raise ModelError('command.run must be a list of texts, as ["python3", "model.py"]')
-        if not isinstance(run.get("keep", False), bool):
-            raise ModelError("command.keep must be true or false")
-        self._words, self._keep = words, run.get("keep", False)
+        self._words, self._keep = folder.run["run"], folder.run.get("keep", False)
         self._folder, self._description = folder.path, folder.description
         self._running: _Program | None = None
 
@@ -68,10 +62,10 @@ class Command:
         question = json.dumps({"parameters": values, "seed": seed}) + "\n"
         limit = self._description.time_limit
         deadline = None if limit is None else time.monotonic() + limit
-        program = self._running or _Program(self._words, self._folder)
+        program = self._running or _Program(self._words, self._folder, keep=self._keep)
         self._running = None
         try:
-            answer = program.ask(question.encode(), deadline, last=not self._keep)
+            answer = program.ask(question.encode(), deadline)
         except BaseException:
             program.end()
             raise
@@ -91,7 +85,8 @@ class Command:
 class _Program:
     """A running program and the pipes to it."""
 
-    def __init__(self, words: list[str], folder: os.PathLike[str]) -> None:
+    def __init__(self, words: list[str], folder: os.PathLike[str], *, keep: bool) -> None:
+        self._keep = keep
         try:
             self._process = subprocess.Popen(
                 words,
@@ -117,22 +112,24 @@ class _Program:
         self._ears.register(self._process.stderr, selectors.EVENT_READ)
         self._look_at = time.monotonic() + LOOK_SECONDS
 
-    def ask(self, question: bytes, deadline: float | None, *, last: bool) -> Any:
+    def ask(self, question: bytes, deadline: float | None) -> Any:
         """Return the JSON of the line with which the program answers.
+
+        One that is not kept is told that no more comes, and must then exit with status 0.
 
         Args:
             question: one line.
             deadline: on the monotonic clock; None: no limit.
-            last: whether it may be told that no more comes, and must then exit with status 0.
         """
+        last = not self._keep
         self._listen(0.0)
         if self._said:
-            raise ModelFailure("bad_answer", "the program printed something unasked")
+            raise self._said_more("before it was asked")
         line = self._exchange(question, deadline, last=last)
         if last:
             self._said += self._rest(deadline)
         if self._said.strip():
-            raise ModelFailure("bad_answer", "the program printed more than one line for one point")
+            raise self._said_more("besides its answer", b"" if line.startswith(b"{") else line)
         if last:
             code = self._exit_status(deadline)
             if code != 0:
@@ -140,9 +137,8 @@ class _Program:
         try:
             return json.loads(line)
         except (ValueError, RecursionError):
-            shown = line[:80].decode(errors="replace")
             raise ModelFailure(
-                "bad_answer", f"the program printed {shown!r}, which is not one line of JSON"
+                "bad_answer", f"the program printed {_shown(line)}, which is not one line of JSON"
             ) from None
 
     def end(self) -> None:
@@ -243,8 +239,7 @@ class _Program:
             if self._said:
                 self._said += b"\n"
                 return
-            code = self._exit_status(time.monotonic() + GRACE_SECONDS)
-            raise ModelFailure("crashed", f"the program {_how(code)} unasked{self._last_words()}")
+            raise self._ended_early()
         self._said += chunk
         if len(self._said) > MAX_ANSWER_BYTES:
             raise ModelFailure(
@@ -264,8 +259,27 @@ class _Program:
         except subprocess.TimeoutExpired:
             return None
 
+    def _ended_early(self) -> ModelFailure:
+        code = self._exit_status(time.monotonic() + GRACE_SECONDS)
+        how = "closed its output" if code is None else _how(code)
+        right = "" if code else _KEPT if self._keep else _ONCE
+        return ModelFailure(
+            "crashed", f"the program {how} before it answered{right}{self._last_words()}"
+        )
+
+    def _said_more(self, when: str, line: bytes = b"") -> ModelFailure:
+        said = _shown(b"\n".join((line, self._said)).strip().partition(b"\n")[0])
+        return ModelFailure(
+            "bad_answer",
+            f"the program printed {said} {when}: it must print one line for each line that it "
+            "reads, and all else on stderr",
+        )
+
     def _timed_out(self) -> ModelFailure:
-        return ModelFailure("timed_out", f"the program gave no answer in time{self._last_words()}")
+        return ModelFailure(
+            "timed_out",
+            f"the program gave no answer in time (model.time_limit){self._last_words()}",
+        )
 
     def _last_words(self) -> str:
         assert self._process.stderr
@@ -304,8 +318,14 @@ def _outputs(answer: Any) -> Mapping[str, Any]:
             raise ModelFailure("bad_answer", str(error)) from None
         raise failure
     raise ModelFailure(
-        "bad_answer", 'the program must print {"outputs": {...}} or {"outcome": ..., "reason": ...}'
+        "bad_answer",
+        'the program must print {"outputs": {...}} or {"outcome": ..., "reason": ...}, not '
+        + (f"an object of {', '.join(said)[:80]!r}" if said else "anything else"),
     )
+
+
+def _shown(line: bytes) -> str:
+    return repr(line[:80].decode(errors="replace"))
 
 
 def _how(code: int | None) -> str:

@@ -11,6 +11,12 @@ from models.description import Description
 
 _OUTCOME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
+#: Why no worker takes a model that says that it is deterministic and is not.
+NOT_DETERMINISTIC = (
+    "it gives other numbers at the same point with another seed, or the second time; a model with "
+    "noise of its own says `deterministic = false`"
+)
+
 #: What the four kinds have in common: parameters and a seed in, outputs or a ModelFailure out.
 Evaluator = Callable[[Mapping[str, float], int], Mapping[str, float]]
 
@@ -48,13 +54,16 @@ class Evaluation:
     wall_seconds: float
 
 
-def columns(description: Description, outputs: Mapping[str, Any]) -> dict[str, float]:
+def columns(description: Description, outputs: Any) -> dict[str, float]:
     """Return a model's answer as one number for each of its columns, in the description's order.
 
     Raises:
-        ModelFailure: "bad_answer": an output is missing, unknown, not a number, or a curve of
-            another length; "not_finite".
+        ModelFailure: "bad_answer": it is no mapping, an output is missing, unknown, not a number,
+            or a curve of another length; "not_finite".
     """
+    if not isinstance(outputs, Mapping):
+        kind = type(outputs).__name__
+        raise ModelFailure("bad_answer", f"outputs must be numbers by name, not of type {kind}")
     expected = {output.name: output for output in description.results}
     for name in outputs:
         if name not in expected:
@@ -74,8 +83,12 @@ def columns(description: Description, outputs: Mapping[str, Any]) -> dict[str, f
 
 def _points(name: str, value: Any, count: int) -> Sequence[Any]:
     points = value.tolist() if hasattr(value, "tolist") else value
-    if not isinstance(points, Sequence) or isinstance(points, str) or len(points) != count:
-        raise ModelFailure("bad_answer", f"output {name} must be {count} numbers")
+    if not isinstance(points, Sequence) or isinstance(points, str):
+        raise ModelFailure("bad_answer", f"output {name} must be a list of {count} numbers")
+    if len(points) != count:
+        raise ModelFailure(
+            "bad_answer", f"output {name} must be a list of {count} numbers, not of {len(points)}"
+        )
     return points
 
 

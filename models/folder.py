@@ -4,6 +4,7 @@ The format is docs/use/models.md's.
 """
 
 import hashlib
+import json
 import shutil
 import tomllib
 import zipfile
@@ -28,6 +29,10 @@ LIMITS = Limits(
 )
 #: Entries of factors and outputs that say how a model of kind `mjcf` is changed and read.
 MJCF_ENTRIES = {"factors": ("sets", "scales"), "outputs": ("sensor", "reduce", "over")}
+
+_MODEL = ("name", "kind", "description", "time_limit", "deterministic")
+#: An example of what runs a program.
+_PROGRAM = '["python3", "model.py"]'
 
 
 class ModelError(ValueError):
@@ -73,6 +78,9 @@ def read_folder(path: Path) -> ModelFolder:
             f"model.kind is {kind!r}: expected mjcf, command or umbridge; a Python model comes in "
             "a package and needs no folder"
         )
+    for name in model:
+        if name not in _MODEL:
+            raise ModelError(f"model.{name[:80]} is unknown: expected {', '.join(_MODEL)}")
     for name in said:
         if name not in ("model", "factors", "outputs", kind):
             raise ModelError(f"[{name[:80]}] is unknown: expected model, factors, outputs, {kind}")
@@ -89,7 +97,9 @@ def read_folder(path: Path) -> ModelFolder:
         description = Description.from_json({**model, **tables, "code": _digest(path)})
     except DescriptionError as error:
         raise ModelError(str(error)) from None
-    return ModelFolder(path=path, description=description, run=_table(said, kind), mjcf=mjcf)
+    folder = ModelFolder(path=path, description=description, run=_table(said, kind), mjcf=mjcf)
+    _check_run(folder)
+    return folder
 
 
 def pack(folder: ModelFolder, out: Path) -> None:
@@ -144,6 +154,8 @@ def _toml(folder: Path) -> dict[str, Any]:
         raise
     except FileNotFoundError:
         raise ModelError(f"there is no such file in {folder}") from None
+    except NotADirectoryError:
+        raise ModelError(f"{folder} is a file: name the folder that it is in") from None
     except OSError as error:
         raise ModelError(f"cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -153,6 +165,31 @@ def _toml(folder: Path) -> dict[str, Any]:
     except ValueError as error:
         # tomllib.TOMLDecodeError, and numbers with too many digits.
         raise ModelError(f"is not TOML: {error}") from None
+
+
+def _check_run(folder: ModelFolder) -> None:
+    """Raise a ModelError unless `[command]` or `[umbridge]` is right; `[mjcf]` takes MuJoCo."""
+    run = folder.run
+    if folder.description.kind == Kind.COMMAND:
+        folder.check_run({"run", "keep"})
+        words = run.get("run")
+        if not isinstance(words, list) or not words or not all(isinstance(w, str) for w in words):
+            wrong = "is missing" if words is None else f"is {str(words)[:80]!r}"
+            raise ModelError(f"command.run {wrong}: expected a list of texts, as {_PROGRAM}")
+        if not isinstance(run.get("keep", False), bool):
+            raise ModelError("command.keep must be true or false")
+    elif folder.description.kind == Kind.UMBRIDGE:
+        folder.check_run({"name", "config"})
+        if not isinstance(run.get("name", ""), str):
+            raise ModelError("umbridge.name must be a text: what the server calls its model")
+        if not isinstance(run.get("config", {}), dict):
+            raise ModelError("umbridge.config must be a table, which the server gets as it is")
+        try:
+            json.dumps(run.get("config"), allow_nan=False)
+        except (TypeError, ValueError):
+            raise ModelError(
+                "umbridge.config goes to the server as JSON, which has no dates, inf or nan"
+            ) from None
 
 
 def _table(said: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -18,6 +18,8 @@ from models.entries import DescriptionError
 from models.evaluation import columns
 
 GROUP = "rehyb.models"
+#: Of what an entry point names, or of an object of the class that it names.
+_NEEDED = ("name", "description", "factors", "outputs", "evaluate")
 
 
 class PackageError(ValueError):
@@ -53,6 +55,8 @@ class PackagedModel:
         try:
             loaded = point.load()
             self._model: PythonModel = loaded() if isinstance(loaded, type) else loaded
+            if missing := [name for name in _NEEDED if not hasattr(self._model, name)]:
+                raise PackageError(f"{point.value} is no model: it has no {', '.join(missing)}")
             self.description = Description.from_json(
                 {
                     "name": self._model.name,
@@ -65,14 +69,14 @@ class PackagedModel:
                     "code": _identity(point),
                 }
             )
+        except PackageError:
+            raise
         except DescriptionError as error:
             raise PackageError(f"{point.value} cannot be described: {error}") from None
         except Exception as error:  # Anything may go wrong while a stranger's package is loaded.
             raise PackageError(
                 f"{point.value} is no model: {type(error).__name__}: {error}"
             ) from error
-        if not callable(getattr(self._model, "evaluate", None)):
-            raise PackageError(f"{point.value} has no method evaluate(parameters, seed)")
 
     def __call__(self, parameters: Mapping[str, float], seed: int = 0) -> dict[str, float]:
         """Return the outputs at `parameters` (SI units; one left out is nominal).

@@ -222,6 +222,8 @@ class Introduction:
     #: The models that it can evaluate besides rehyb's own, as "name@digest", each with its canary;
     #: and rehyb's own, by name and as "name@digest", if it has not all that the coordinator has.
     models: Mapping[str, str] = field(default_factory=dict)
+    #: Models that it has or should have and does not evaluate, as "name@digest", and why.
+    refused: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

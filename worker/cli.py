@@ -195,6 +195,7 @@ def work(
             client=client,
             worker=worker,
             models=offered.offered,
+            refused=offered.refused,
             processes=count,
             batch=batch,
             left=max_instances,

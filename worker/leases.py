@@ -68,6 +68,8 @@ class Leases:
     #: The models that the children can evaluate, at a time of the monotonic clock, each with its
     #: canary; empty where it has none.
     models: Callable[[float], Mapping[str, str]]
+    #: Those that they cannot, each with why.
+    refused: Callable[[], Mapping[str, str]] = dict
     #: How many instances run at the same time.
     processes: int
     #: The most instances to ask for at once.
@@ -135,7 +137,8 @@ class Leases:
                 return None
         models = self.models(now)
         canaries = {name: canary for name, canary in models.items() if canary}
-        worker = {**self.worker, "canaries": canaries} if canaries else self.worker
+        said = {"canaries": canaries, "refused": self.refused()}
+        worker = {**self.worker, **{name: told for name, told in said.items() if told}}
         return {"worker": worker, "models": list(models), "max_instances": size}
 
     def ends_too_soon(self, now: float) -> bool:

@@ -17,6 +17,8 @@ from models.factors import SEED
 FEWEST_ROWS = 2.0
 #: A line that explains less of the muscles' torque than this is no stiffness of theirs. Ours.
 LEAST_R2 = 0.9
+#: Indices that are shares of the variance, which are never above 1.
+_SHARES = ("first_order", "total_order")
 #: A stiffness and, per form of the regression, the r squared of its truth.
 _TRUTH_R2 = "stiffness_true_r2"
 
@@ -45,6 +47,7 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     found.append(_worst_case(snapshot, output))
     found.append(_ranking(said_of(snapshot, output).get("ranking", {}), output))
     found.append(str(said_of(snapshot, output).get("trust", {}).get("sentence", "")))
+    found.append(_above_one(snapshot, output))
     found.append(_screened(said_of(snapshot, output).get("screening"), output))
     found.append(_no_single_stiffness(snapshot, output))
     found.append(_few_rows(snapshot, output))
@@ -143,6 +146,22 @@ def _worst_case(snapshot: Mapping[str, Any], output: str) -> str:
     return (
         f"Whatever the failed runs would have said within the range of {output} that was seen, "
         f"{SYMBOLS[by]} lies within: {which}."
+    )
+
+
+def _above_one(snapshot: Mapping[str, Any], output: str) -> str:
+    """Return which intervals of shares of the variance lie above 1, where no share can."""
+    above = [
+        f"{SYMBOLS[index]} of {name}"
+        for name, factor in said_of(snapshot, output).get("factors", {}).items()
+        for index in _SHARES
+        if (factor.get(index, {}).get("low") or 0.0) > 1.0
+    ]
+    if not above:
+        return ""
+    return (
+        f"The whole interval of {', '.join(above)} on {output} lies above 1, where no share of the "
+        "variance can: take it for 1 at most, and add rows before you trust it."
     )
 
 

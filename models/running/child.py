@@ -144,16 +144,21 @@ def _report(evaluate: Evaluate, instance: Mapping[str, Any]) -> Result:
 def _as_json(value: Any) -> Any:
     """Return `value` as plain JSON; a state dump of a diverged simulation is full of NaN."""
     if isinstance(value, Mapping):
-        return {str(key): _as_json(entry) for key, entry in value.items()}
+        return {_text(str(key)): _as_json(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [_as_json(entry) for entry in value]
     if hasattr(value, "tolist"):
         return _as_json(value.tolist())
     if isinstance(value, float):
         return value if isfinite(value) else None
-    if value is None or isinstance(value, bool | int | str):
+    if value is None or isinstance(value, bool | int):
         return value
-    return str(value)
+    return _text(str(value))
+
+
+def _text(value: str) -> str:
+    """Return `value` without halves of characters, which JSON can write, and no UTF-8."""
+    return value.encode(errors="replace").decode()
 
 
 def failed(
@@ -173,7 +178,7 @@ def result_of(
     return {
         "outcome": outcome,
         "outputs": dict(outputs or {}),
-        "reason": reason,
+        "reason": _text(reason),
         "state": state,
         "wall_seconds": wall_seconds,
     }

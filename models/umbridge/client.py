@@ -13,7 +13,6 @@ from models.folder import ModelError, ModelFolder
 PROTOCOL = 1.0
 #: Seconds for a question whose answer is no evaluation.
 ASK_SECONDS = 30.0
-_TABLE = {"name", "config"}
 
 
 class Server:
@@ -28,9 +27,14 @@ class Server:
         # A server of models stands beside the worker; a proxy would not know it.
         self._http = httpx2.Client(timeout=ASK_SECONDS, trust_env=False)
         info = self._asked("GET", "Info")
-        if info.get("protocolVersion") != PROTOCOL:
-            raise self._wrong(f"speaks version {info.get('protocolVersion')}, not {PROTOCOL}")
-        self.models: Sequence[str] = info.get("models") or ()
+        if "protocolVersion" not in info:
+            raise self._wrong("is no UM-Bridge server: it tells no protocolVersion")
+        if info["protocolVersion"] != PROTOCOL:
+            raise self._wrong(f"speaks version {info['protocolVersion']}, not {PROTOCOL}")
+        models = info.get("models") or []
+        if not isinstance(models, list) or not all(isinstance(name, str) for name in models):
+            raise self._wrong("does not tell the names of its models")
+        self.models: Sequence[str] = models
 
     def evaluates(self, name: str) -> bool:
         """Say whether the model `name` can be evaluated."""
@@ -97,11 +101,10 @@ class RemoteModel:
     """A model of a server, whose vectors are our factors and outputs, one after another.
 
     Raises:
-        ModelError: `[umbridge]` cannot be used, or the server's model has other sizes.
+        ModelError: the server has no such model, or it has other sizes.
     """
 
     def __init__(self, folder: ModelFolder, server: Server) -> None:
-        folder.check_run(_TABLE)
         self._name = folder.run.get("name", folder.description.name)
         self._config = folder.run.get("config", {})
         self._description, self._server = folder.description, server

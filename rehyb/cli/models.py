@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -25,6 +26,8 @@ CORNERS_OF = 5
 SHOWN = 4
 #: Seconds that one evaluation may take while a model is checked.
 CHECK_SECONDS = 120.0
+#: How `check` calls its second look at the nominal point, which canaries of workers take, too.
+AGAIN = "again, another seed"
 
 Folder = Annotated[
     Path, typer.Argument(metavar="DIR", help="A folder with model.toml.", show_default=False)
@@ -42,11 +45,12 @@ def check(
         ),
     ] = None,
 ) -> Answer:
-    """Evaluate a model here, at its nominal point and at corners of its factors' ranges.
+    """Evaluate a model here, at its nominal point, twice, and at corners of its factors' ranges.
 
-    Exit status 1 if an evaluation fails.
+    Exit status 1 if an evaluation fails, or another seed changes what is said to be deterministic.
     """
     from models.description import Kind
+    from models.evaluation import NOT_DETERMINISTIC
     from models.running.place import Place
     from models.running.pool import Pool
 
@@ -55,6 +59,10 @@ def check(
     place = Place.of(description, str(read.path), umbridge or "")
     if description.kind == Kind.UMBRIDGE and umbridge is None:
         raise Invalid("a model of kind umbridge needs its server: --umbridge URL")
+    if description.kind != Kind.UMBRIDGE and umbridge is not None:
+        raise Invalid(
+            f"--umbridge is for a model of kind umbridge: this is one of {description.kind}"
+        )
     if description.kind == Kind.MJCF:
         from models.folder import ModelError
         from models.mjcf.simulate import Simulation
@@ -65,15 +73,26 @@ def check(
     pool = Pool(1, place.child_seconds or CHECK_SECONDS)
     try:
         for where, parameters in _points(description):
-            result = _evaluated(pool, place, parameters)
+            seed = 2 if where == AGAIN else 1
+            result = _evaluated(pool, place, parameters, seed)
             rows.append({"where": where, "parameters": parameters, **result})
     finally:
         pool.kill()
-    failed = sum(row["outcome"] != "ok" for row in rows)
+    bad = [row for row in rows if row["outcome"] != "ok"]
+    faults = [*dict.fromkeys(f"{row['outcome']}: {row['reason']}" for row in bad)]
+    first, again = (row["outputs"] for row in (rows[0], rows[-1]))
+    # As text, since canaries tell -0.0 from 0.0.
+    if description.deterministic and first and again and repr(first) != repr(again):
+        faults.append(f"no worker would take it: {NOT_DETERMINISTIC}")
     return Answer(
-        {"model": description.version, "evaluations": rows, "failed": failed},
-        lambda: _print_check(description, rows, failed),
-        status=1 if failed else 0,
+        {
+            "model": description.version,
+            "evaluations": rows,
+            "failed": len(bad),
+            "faults": faults,
+        },
+        lambda: _print_check(description, rows, faults, folder),
+        status=1 if faults else 0,
     )
 
 
@@ -87,7 +106,10 @@ def add(folder: Folder, client: Client) -> Answer:
     model = client.model(version)
     runs = "every worker evaluates it"
     if model["kind"] != Kind.MJCF:
-        runs = f"start `rehyb-worker --models {folder}` where its program is to run"
+        named = f"--models {quote(str(folder))}"
+        if model["kind"] == Kind.UMBRIDGE:
+            named += " --umbridge URL"
+        runs = f"start `rehyb-worker {named}` where it is to run"
     return Answer(model, f"{version}: {runs}")
 
 
@@ -193,18 +215,35 @@ def _served(model: str) -> "tuple[Description, Any]":
 
 
 def _read(folder: Path) -> "ModelFolder":
-    from models.folder import ModelError, read_folder
+    from models.built_in import built_in_models
+    from models.folder import MODEL_FILE, ModelError, read_folder
 
     with refusing(ModelError):
-        return read_folder(folder)
+        read = read_folder(folder)
+    if read.description.name in built_in_models():
+        raise Invalid(
+            f"{MODEL_FILE}: model.name: {read.description.name} is a model of rehyb's own: choose "
+            "another name"
+        )
+    return read
 
 
 def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield the nominal point and corners of the ranges, each with its name."""
-    from itertools import product
+    """Yield the nominal point, corners of the ranges and the nominal point, each with its name.
 
+    In between, as in canaries, so that a program that remembers other points is noticed.
+    """
     nominal = {factor.name: factor.nominal for factor in description.factors}
     yield "nominal", nominal
+    yield from _corners(description, nominal)
+    yield AGAIN, nominal
+
+
+def _corners(
+    description: "Description", nominal: Mapping[str, float]
+) -> Iterator[tuple[str, dict[str, float]]]:
+    from itertools import product
+
     if len(description.factors) <= CORNERS_OF:
         for ends in product(("low", "high"), repeat=len(description.factors)):
             yield (
@@ -220,8 +259,8 @@ def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]
             yield f"{factor.name} {end}", {**nominal, factor.name: float(getattr(factor, end))}
 
 
-def _evaluated(pool: Any, place: Any, parameters: Mapping[str, float]) -> Json:
-    instance = {"id": "check", "model": "", "parameters": parameters, "place": place, "seed": 1}
+def _evaluated(pool: Any, place: Any, parameters: Mapping[str, float], seed: int) -> Json:
+    instance = {"id": "check", "model": "", "parameters": parameters, "place": place, "seed": seed}
     pool.start({**instance, "time_limit": place.child_seconds}, None)
     while not (finished := pool.wait(1.0)):
         pass
@@ -230,7 +269,9 @@ def _evaluated(pool: Any, place: Any, parameters: Mapping[str, float]) -> Json:
     return result
 
 
-def _print_check(description: "Description", rows: list[Json], failed: int) -> None:
+def _print_check(
+    description: "Description", rows: list[Json], faults: list[str], folder: Path
+) -> None:
     typer.echo(f"{description.version}: {description.kind}, {len(description.factors)} factors")
     outputs = [output.columns[-1] for output in description.results[:SHOWN]]
     print_rows(
@@ -245,11 +286,27 @@ def _print_check(description: "Description", rows: list[Json], failed: int) -> N
             for row in rows
         ],
     )
-    for reason in dict.fromkeys(f"{row['outcome']}: {row['reason']}" for row in rows):
-        if not reason.startswith("ok"):
-            typer.echo(reason)
-    if not failed:
-        typer.echo("next: rehyb model add DIR, then rehyb study submit --model NAME")
+    for fault in faults:
+        typer.echo(fault)
+    for name in still(description, [row["outputs"] for row in rows]):
+        typer.echo(f"{name} is the same at every point: nothing here moves it")
+    if not faults:
+        typer.echo(
+            f"next: rehyb model add {quote(str(folder))}, then "
+            f"rehyb study submit --model {description.name} --method saltelli --rows 256"
+        )
+
+
+def still(description: "Description", outputs: list[dict[str, float]]) -> list[str]:
+    """Return the outputs that are the same wherever a model has an answer, at several points."""
+    answers = [answer for answer in outputs if answer]
+    if len(answers) <= 2:
+        return []
+    return [
+        output.name
+        for output in description.results
+        if all(len({answer.get(name) for answer in answers}) == 1 for name in output.columns)
+    ]
 
 
 def _print_model(model: Json) -> None:

@@ -162,8 +162,9 @@ def grant(
         # Whoever locks jobs and workers begins with jobs, the oldest first.
         candidates = close_loops.waiting(connection, lock=True)
         # Which models it has is told where instances are asked for.
-        told = replace(worker, models=workers.models_of(connection, worker.id))
-        known = Changes(workers=[(told, host_class(worker.versions), 0)])
+        if (last := workers.find(connection, worker.id)) is not None:
+            worker = replace(worker, models=last.models, refused=last.refused)
+        known = Changes(workers=[(worker, host_class(worker.versions), 0)])
         at_once(turn_within(connection).write(known, None, None, now=now, end=False))
         workers.note_close_loops(connection, worker.id, bank=bank, now=now)
         for candidate in candidates:

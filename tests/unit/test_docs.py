@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 import rehyb
 from analysis.designs.distributions import Distribution
+from analysis.sensitivity.judgement.trust import FEWEST_ROWS
 from benchmarks.measurement import BEGIN, END
 from rehyb import Client
 from rehyb.cli import app
@@ -24,7 +25,7 @@ from server.routes.study.studies import StudyBody
 from server.settings import Settings
 from sim.assessment.validity import FAILURES
 from sim.effects.catalogue import BY_NAME, OF_ROBOTS
-from sim.models import ELBOW
+from sim.models import ELBOW, MODELS
 from sim.parameters.conditions import CONDITIONS
 from sim.robot.device import DEVICES
 from tests.testbed import arrows
@@ -54,6 +55,25 @@ def test_every_make_target_in_the_readme_exists_and_says_what_it_does() -> None:
     ).stdout
     for target in set(re.findall(r"\bmake ([a-z]+)\b", README)):
         assert f"make {target} " in help_text or target == "help"
+
+
+def test_every_model_that_ships_is_named_where_a_study_chooses_one() -> None:
+    text = (DOCS / "use" / "studies.md").read_text()
+    table = text.partition("## Choose a model\n")[2].partition("\n## ")[0]
+    named = {
+        name for row in table.splitlines() if row.startswith("| `") for name in _names(row[2:])
+    }
+    assert set(MODELS) <= named
+
+
+def _names(row: str) -> list[str]:
+    return re.findall(r"`([a-z_0-9]+)`", row.partition(" | ")[0])
+
+
+def test_the_readme_s_example_asks_for_rows_enough_and_prints_whether_to_trust_them() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    assert min(map(int, re.findall(r'"rows": (\d+)', code))) >= FEWEST_ROWS
+    assert '["trust"]["sentence"]' in code
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from models.description import Description
+from models.evaluation import NOT_DETERMINISTIC
 from models.running.outcomes import Outcome
 from models.running.place import Place
 from models.running.pool import Pool
@@ -52,8 +53,8 @@ class Canaries:
     #: One process, beside those that work.
     pool: Pool
     found: dict[str, str] = field(default_factory=dict)
-    #: Models that this worker does not take.
-    refused: set[str] = field(default_factory=set)
+    #: Models that this worker does not take, and why.
+    refused: dict[str, str] = field(default_factory=dict)
     _waiting: deque[tuple[Description, Place]] = field(default_factory=deque)
     _asked: set[str] = field(default_factory=set)
     _results: list[Mapping[str, Any]] = field(default_factory=list)
@@ -71,6 +72,11 @@ class Canaries:
             self._waiting.append((description, place))
         self.look()
         return self.found.get(version)
+
+    def refuse(self, version: str, why: str) -> None:
+        """Take nothing of a model, and say why."""
+        log.error("does not take %s: %s", version, why)
+        self.refused[version] = why
 
     def look(self) -> bool:
         """Go on with what was asked for; return whether a canary is still to be found."""
@@ -109,8 +115,7 @@ class Canaries:
 
     def _judge(self, version: str, results: list[Mapping[str, Any]]) -> None:
         if bad := next((r for r in results if r["outcome"] == Outcome.BAD_MODEL), None):
-            log.error("does not take %s, which cannot be loaded here: %s", version, bad["reason"])
-            self.refused.add(version)
+            self.refuse(version, f"it cannot be loaded here: {bad['reason']}")
             return
         first, again = results[0], results[-1]
         whole = len(results) == len(SEEDS)
@@ -120,12 +125,7 @@ class Canaries:
             and again["outputs"]
             and digest_of([first]) != digest_of([again])
         ):
-            log.error(
-                "does not take %s: it gives other numbers at the same point with another seed, or "
-                "the second time; write `deterministic = false` under [model]",
-                version,
-            )
-            self.refused.add(version)
+            self.refuse(version, NOT_DETERMINISTIC)
             return
         self.found[version] = digest_of(results[:2])
         log.info("has the model %s, canary %s", version, self.found[version])

@@ -24,6 +24,11 @@ _OPTION = {
 }
 #: Models that a worker tells of at most: a coordinator takes no more of one.
 MOST_MODELS = 100
+OTHER_VERSION = (
+    "it was started with another version of it: start it again if that is what its folder holds now"
+)
+#: Refused models that are told, and characters of why: a coordinator takes no more.
+MOST_REFUSED, MOST_SAID = 20, 300
 
 
 @dataclass(kw_only=True)
@@ -44,6 +49,8 @@ class WorkerModels:
     #: Versions of which was said that this worker takes nothing.
     _told: set[str] = field(default_factory=set)
     _wanted: dict[str, Description] = field(default_factory=dict)
+    #: Versions of which there are open studies, whatever their kind.
+    _open: set[str] = field(default_factory=set)
     _look_at: float = 0.0
 
     def __post_init__(self) -> None:
@@ -80,6 +87,7 @@ class WorkerModels:
                 for model in wanted[: self._room]
                 if model["kind"] == Kind.MJCF
             }
+            self._open = {_version(model) for model in wanted}
             self._tell_of_code(wanted)
         offered = dict.fromkeys((*MODELS, *self.own), "")
         for version, description in (self._named | self._wanted).items():
@@ -90,12 +98,20 @@ class WorkerModels:
             except (Unreachable, ServerError):
                 raise
             except (RehybError, NoModelError) as error:
-                log.error("does not take %s: %s", version, error)
-                self.canaries.refused.add(version)
+                self.canaries.refuse(version, str(error))
                 continue
             if canary is not None:
                 offered[version] = canary
         return offered
+
+    def refused(self) -> Mapping[str, str]:
+        """Return which models this worker does not take, each with a line that says why.
+
+        Of many those for which studies wait, and the latest.
+        """
+        versions = sorted(self.canaries.refused, key=lambda version: version in self._open)
+        told = versions[-MOST_REFUSED:]
+        return {version: _line(self.canaries.refused[version]) for version in told}
 
     def _tell_of_code(self, wanted: Sequence[Json]) -> None:
         """Say once of each model of open studies whose code is not here that it is not."""
@@ -105,10 +121,15 @@ class WorkerModels:
             if model["kind"] == Kind.MJCF or version in self._named or version in self._told:
                 continue
             self._told.add(version)
-            why = f"its code is not here; whoever has it names it with {_OPTION[model['kind']]}"
             if model["name"] in names:
-                why = "what was named here is another version of it"
+                self.canaries.refuse(version, OTHER_VERSION)
+                continue
+            why = f"its code is not here; whoever has it names it with {_OPTION[model['kind']]}"
             log.info("takes nothing of studies of %s: %s", version, why)
+
+
+def _line(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text[:MOST_SAID])
 
 
 def _version(model: Json) -> str:

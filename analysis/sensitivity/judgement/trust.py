@@ -31,9 +31,12 @@ HEAVY = 6.0
 #: stopped where they had not seen it.
 ENOUGH_RUNS = 500.0
 
-#: Of the interval of the sum of total-order indices, which is never below 1: a linear function, of
-#: which it is 1, is then taken to task in 1 study of 200.
-_SUM_LEVEL = 0.99
+#: Of the interval of the sum of total-order indices, which is never below 1, and of a share, which
+#: is never above 1: a linear function, of which it is 1, is then taken to task in 1 study of 200.
+_SURE_LEVEL = 0.99
+#: What is above 1 by less would be said to be "at least 1".
+_CLEARLY_ABOVE_ONE = 1.005
+_SHARES = {"first_order": "a first-order index", "total_order": "a total-order index"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +92,13 @@ def judge(
                 f"the total-order indices of {name} sum to at most {short:.2f}, and truly never to "
                 "less than 1, so something that matters was seen too rarely"
             )
+        for index, share in _SHARES.items():
+            least = _above_one(statistics, index, output)
+            if least is not None:
+                reasons.append(
+                    f"{share} of {name} is at least {least:.3g}, and truly never more than 1, so "
+                    "the rows are too few for a share of the variance"
+                )
     sentence = f"Do not trust these intervals: {'; '.join(reasons)}." if reasons else ""
     if 0 < rows < FEWEST_ROWS:
         sentence = f"Intervals of fewer than {FEWEST_ROWS} rows are not to be believed yet."
@@ -106,5 +116,15 @@ def _short_of_one(statistics: Mapping[str, Statistic], output: int) -> float | N
     found = statistics.get("sum_total_order")
     if found is None:
         return None
-    high: NDArray[np.float64] = found.estimate(_SUM_LEVEL).high
+    high: NDArray[np.float64] = found.estimate(_SURE_LEVEL).high
     return float(high[output]) if high[output] < 1.0 else None
+
+
+def _above_one(statistics: Mapping[str, Statistic], index: str, output: int) -> float | None:
+    """Return the largest lower end of an index's intervals that is clearly above 1, if any is."""
+    found = statistics.get(index)
+    if found is None:
+        return None
+    low: NDArray[np.float64] = found.estimate(_SURE_LEVEL).low[output]
+    above = low[low > _CLEARLY_ABOVE_ONE]
+    return float(above.max()) if above.size else None

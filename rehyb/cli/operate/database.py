@@ -23,8 +23,12 @@ app = typer.Typer(help="The coordinator's database.", no_args_is_help=True)
 @answering
 def upgrade() -> Answer:
     """Bring the database at REHYB_DATABASE_URL to this version's schema."""
-    with opened(upgraded=True):
-        return Answer({"upgraded": True}, "the database has the schema of this version")
+    with needs_extra("the database", "server"):
+        from server.store import upgrade
+
+    with in_one_sentence():
+        upgrade(_url())
+    return Answer({"upgraded": True}, "the database has the schema of this version")
 
 
 @app.command()
@@ -90,26 +94,22 @@ def copy(
 
 
 @contextmanager
-def opened(*, upgraded: bool = False, stop: threading.Event | None = None) -> Iterator["Engine"]:
-    """Open the database at REHYB_DATABASE_URL, for which no token is needed.
+def opened(*, stop: threading.Event | None = None) -> Iterator["Engine"]:
+    """Open the database at REHYB_DATABASE_URL, for which no token is needed; never make one.
 
     Args:
-        upgraded: bring it to this version's schema first.
         stop: if given, a server that is not there yet is waited for until it is set.
 
     Raises:
-        RehybError: it cannot be used, or has another version's schema and is not `upgraded` first.
+        RehybError: it is not there, cannot be used, or has another version's schema.
     """
     with needs_extra("the database", "server"):
-        from server.store import create_engine, require_current, upgrade
+        from server.store import create_engine, require_current
         from server.store.database.presence import once_there
 
     url = _url()
+    _check_there(url)
     with in_one_sentence():
-        if upgraded:
-            upgrade(url)
-        elif stop is None:
-            _check_there(url)
         engine = create_engine(url)
         try:
             if stop is None:

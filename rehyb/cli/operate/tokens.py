@@ -27,7 +27,7 @@ def create(
     """Make a token and print it, once: the database at REHYB_DATABASE_URL keeps a digest only."""
     from server.operations import tokens
 
-    with opened(upgraded=True) as engine:
+    with opened() as engine:
         token, secret = tokens.create(engine, name=name, scopes=scope, now=time.time())
     return Answer(
         {**asdict(token), "token": secret},
@@ -41,7 +41,7 @@ def list_tokens() -> Answer:
     """List all tokens ever made; their secrets cannot be shown."""
     from server.operations import tokens
 
-    with opened(upgraded=True) as engine:
+    with opened() as engine:
         found = [asdict(token) for token in tokens.every(engine)]
     shown = [
         token
@@ -63,6 +63,6 @@ def revoke(
     """Make a token worthless, for good; coordinators notice within five seconds."""
     from server.operations import tokens
 
-    with opened(upgraded=True) as engine:
+    with opened() as engine:
         revoked = tokens.revoke(engine, token, now=time.time())
     return Answer(asdict(revoked), f"{revoked.id} ({revoked.name}) is revoked")

@@ -20,7 +20,6 @@ from rehyb.cli.answers import (
 from rehyb.cli.options import (
     StudyId,
     Target,
-    assignment,
     assignments,
     check_target,
     check_up_to,
@@ -240,11 +239,13 @@ def workers(client: Client) -> Answer:
             "last_seen": f"{max(0.0, now - worker['last_seen']):.0f} s ago",
             "tags": ", ".join(worker.get("tags", ())),
             "trust": f"{worker.get('trust', 1.0):.2f}",
+            "refuses": ", ".join(worker.get("refused", ())),
         }
         for worker in known
     ]
     columns = ("id", "host", "host_class", "tags", "last_seen", "instances_done", "trust")
-    return Answer({"workers": known}, partial(print_rows, columns, shown))
+    refuses = ("refuses",) if any(row["refuses"] for row in shown) else ()
+    return Answer({"workers": known}, partial(print_rows, (*columns, *refuses), shown))
 
 
 def _described(study: Json, given: dict[str, Any]) -> Json:
@@ -322,10 +323,12 @@ def _fixed(name: str, text: str) -> float | str:
 
 
 def _factor(text: str) -> Json:
-    name, value = assignment(text)
+    name, _, value = text.partition("=")
     low, colon, high = value.partition(":")
-    if not colon:
-        raise typer.BadParameter(f"{text!r} is not of the form NAME=LOW:HIGH")
+    if not (name and colon):
+        raise typer.BadParameter(
+            f"--factor {text!r} is not of the form NAME=LOW:HIGH, as in {name or 'x1'}=0.5:1.5"
+        )
     return {
         "name": name,
         "range": [

@@ -1,6 +1,6 @@
 """Why a study has nobody who works on it, in a sentence."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from server.logic.fleet.hosts import GONE_SECONDS, classes, objection_to_worker
@@ -9,6 +9,8 @@ from server.states import StudyState
 
 #: Kinds of machines that are named at most, those with the most instances first.
 MOST_KINDS = 3
+#: Hosts that refuse a model that are named at most.
+MOST_REFUSALS = 3
 
 
 def why_it_waits(study: Study, alive: Sequence[Worker]) -> str | None:
@@ -22,10 +24,16 @@ def why_it_waits(study: Study, alive: Sequence[Worker]) -> str | None:
     model = study.plan.model
     able = [worker for worker in alive if "@" not in model or model in worker.models]
     if not able:
-        return f"no worker has the model {model}"
+        return why_refused(model, alive) or f"no worker has the model {model}"
     objections = [objection_to_worker(study, worker) for worker in able]
     refused = list(dict.fromkeys(said for said in objections if said is not None))
     return None if None in objections else "; ".join(refused[:3])
+
+
+def why_refused(model: str, alive: Iterable[Worker]) -> str | None:
+    """Return why workers that have a model, or another version of it, refuse it; None: none do."""
+    told = [f"{one.host} refuses it: {one.refused[model]}" for one in alive if model in one.refused]
+    return "; ".join([*dict.fromkeys(told)][:MOST_REFUSALS]) or None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from server.errors import ConflictError
 from server.logic.fleet.hosts import GONE_SECONDS
-from server.logic.fleet.unserved import Patience, why_it_waits, why_its_rows_wait
+from server.logic.fleet.unserved import Patience, why_it_waits, why_its_rows_wait, why_refused
 from server.logic.study import studies as life
 from server.logic.study.points import parameters
 from server.logic.study.progress import (
@@ -47,7 +47,8 @@ class Standing:
     workers: int
     #: Its model, "name@digest", if no worker has it; None if one has, or nothing is left to do.
     waits_for: str | None
-    #: Why nobody holds any of it, in a sentence; None if a worker may, or its model is missing.
+    #: Why nobody holds any of it, in a sentence; None if a worker may. If its model is missing:
+    #: why workers refuse it.
     why_it_waits: str | None
     #: Results that no analysis has taken in, though it should have for a while.
     left_by_analysis: int
@@ -127,7 +128,7 @@ def standing(engine: Engine, study_id: str, *, now: float, patience: Patience) -
         arrived_at = {0: study.created_at} | arrivals
         holding = leases.workers_of(connection, study_id, now=now)
         missing = _waits_for(connection, study, now)
-        idle = study.state.is_served and study.pending and not holding and not missing
+        idle = study.state.is_served and study.pending and not holding
         return Standing(
             study=study,
             goal=precision_goals.find(connection, study_id),
@@ -135,7 +136,7 @@ def standing(engine: Engine, study_id: str, *, now: float, patience: Patience) -
             passed_at=tuple(arrived_at[number] for number in ends),
             workers=holding,
             waits_for=missing,
-            why_it_waits=_why_it_waits(connection, study, now, patience) if idle else None,
+            why_it_waits=_why_it_waits(connection, study, missing, now, patience) if idle else None,
             left_by_analysis=study.result_count - cursor
             if left is not None and now > arrived_at[left] + UNSEEN_SECONDS
             else 0,
@@ -157,10 +158,12 @@ def _waits_for(connection: Connection, study: Study, now: float) -> str | None:
 
 
 def _why_it_waits(
-    connection: Connection, study: Study, now: float, patience: Patience
+    connection: Connection, study: Study, missing: str | None, now: float, patience: Patience
 ) -> str | None:
     # Of ten thousand workers the last few tell as much as all.
     alive = workers.heard(connection, after=now - GONE_SECONDS, most=MOST_ASKED)
+    if missing is not None:
+        return why_refused(missing, alive)
     return why_it_waits(study, alive) or _why_its_rows_wait(connection, study, now, patience)
 
 

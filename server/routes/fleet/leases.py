@@ -34,6 +34,8 @@ log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/v1/leases", tags=["leases"])
 
+#: One line. All of a worker's are written at each of its requests, and kept for ever.
+Reason = Annotated[str, StringConstraints(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")]
 Fence = Annotated[int, Field(ge=0, le=MAX_INTEGER)]
 
 
@@ -50,6 +52,11 @@ class WorkerBody(Body):
         description="Of models that are not rehyb's own: what this machine computes at a few "
         "points, in a digest.",
     )
+    refused: dict[Name, Reason] = Field(
+        default_factory=dict,
+        max_length=20,
+        description="Models that this worker has or should have and does not evaluate, and why.",
+    )
 
     def introduced(self, models: Sequence[str] = ()) -> Introduction:
         """Return who asks, as operations know it.
@@ -60,7 +67,12 @@ class WorkerBody(Body):
         kept = worth_keeping(tuple(models))
         others = {model: self.canaries.get(model, "") if "@" in model else "" for model in kept}
         return Introduction(
-            id=self.id, host=self.host, versions=self.versions, tags=self.tags, models=others
+            id=self.id,
+            host=self.host,
+            versions=self.versions,
+            tags=self.tags,
+            models=others,
+            refused=self.refused,
         )
 
 

@@ -226,6 +226,8 @@ workers = sa.Table(
     sa.Column("tags", sa.JSON, nullable=False, server_default="[]"),
     #: What it can evaluate besides rehyb's own models, as "name@digest".
     sa.Column("models", sa.JSON, nullable=False, server_default="[]"),
+    #: Models, "name@digest", that it does not evaluate, and why.
+    sa.Column("refused", sa.JSON, nullable=False, server_default="{}"),
 )
 
 #: Models: rehyb's own, uploaded ones, and those whose code is with workers.

@@ -193,6 +193,7 @@ def _introduced(found: Sequence[tuple[Introduction, str, int]]) -> list[tuple[An
             host_class,
             list(worker.tags),
             dict(worker.models),
+            dict(worker.refused),
         )
     return [*rows.values()]
 

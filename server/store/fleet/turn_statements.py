@@ -187,13 +187,14 @@ LOCK_WORKERS = SetStatement("SELECT id FROM workers WHERE id {any} ORDER BY id F
 INTRODUCE = SetStatement(
     """
 INSERT INTO workers
-    (last_seen, id, instances_done, host, versions, host_class, tags, models)
-SELECT %s, id, done, host, versions, host_class, tags, models FROM {told}
+    (last_seen, id, instances_done, host, versions, host_class, tags, models, refused)
+SELECT %s, id, done, host, versions, host_class, tags, models, refused FROM {told}
 WHERE true
 ORDER BY id
 ON CONFLICT (id) DO UPDATE SET
     host = excluded.host, versions = excluded.versions, host_class = excluded.host_class,
-    tags = excluded.tags, models = excluded.models, last_seen = excluded.last_seen,
+    tags = excluded.tags, models = excluded.models, refused = excluded.refused,
+    last_seen = excluded.last_seen,
     instances_done = workers.instances_done + excluded.instances_done
 """,
     id="text",
@@ -203,6 +204,7 @@ ON CONFLICT (id) DO UPDATE SET
     host_class="text",
     tags="json",
     models="json",
+    refused="json",
 )
 HEARD = SetStatement(
     "UPDATE workers SET last_seen = %s, instances_done = instances_done + done "

@@ -1,6 +1,6 @@
 """Who works for this coordinator, and who of them can close loops and interpret."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import sqlalchemy as sa
@@ -76,10 +76,10 @@ def heard(connection: Connection, *, after: float, most: int | None = None) -> l
     return [_worker(row) for row in connection.execute(query)]
 
 
-def models_of(connection: Connection, worker: str) -> Mapping[str, str]:
-    """Return the models that a worker last said it has, with their canaries."""
+def find(connection: Connection, worker: str) -> Worker | None:
+    """Return a worker as it last introduced itself; None if it never did."""
     found = connection.execute(sa.select(workers).where(workers.c.id == worker)).one_or_none()
-    return {} if found is None else _worker(found).models
+    return None if found is None else _worker(found)
 
 
 def any_has(connection: Connection, model: str, *, heard_after: float, now: float) -> bool:

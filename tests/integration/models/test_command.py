@@ -30,7 +30,11 @@ TROUBLES = {
         "bad_answer",
         "must print",
     ),
-    "repeats itself": ("print('{}\\n{}')", "bad_answer", "more than one line"),
+    "repeats itself": (
+        "print('{}\\n{}')",
+        "bad_answer",
+        "besides its answer: it must print one line for each",
+    ),
     "forgets": ("""print('{"outputs": {}}')""", "bad_answer", "output y is missing"),
     "invents": ("""print('{"outputs": {"y": 1, "z": 2}}')""", "bad_answer", "'z' is not in"),
     "worries": ("""print('{"outputs": {"y": NaN}}')""", "not_finite", "y came out as nan"),
@@ -84,6 +88,18 @@ def test_trouble_has_a_name_and_the_next_point_is_evaluated(
     assert program({"x1": 0.5})["y"] == pytest.approx(0.479425538604203)
 
 
+@pytest.mark.parametrize("instead", ["sys.exit()", "os.close(1); time.sleep(60)"])
+def test_a_program_that_ends_early_says_what_it_must_do(
+    instead: str, keep: bool, tmp_path: Path
+) -> None:
+    with pytest.raises(ModelFailure) as caught:
+        command(tmp_path, does=instead, keep=keep)({"x1": 0.0})
+    how = "exited with status 0" if "exit" in instead else "closed its output"
+    must = "with keep = true it must stay, and print" if keep else "it must print"
+    assert f"the program {how} before it answered: {must}" in caught.value.reason
+    assert "one line of JSON" in caught.value.reason
+
+
 def test_a_kept_program_is_one_process_and_its_answers_are_the_awk_ones(
     tmp_path: Path, closing: list[Command]
 ) -> None:
@@ -112,7 +128,7 @@ def test_a_late_line_is_no_answer_though_its_program_has_ended(tmp_path: Path) -
     program = command(tmp_path, does=f"{late}; {late}; sys.exit(0)")
     assert program({"x1": 0.0})["y"] == 1.0
     time.sleep(1.0)
-    with pytest.raises(ModelFailure, match="printed something unasked"):
+    with pytest.raises(ModelFailure, match="before it was asked: it must print one line"):
         program({"x1": 0.5})
 
 

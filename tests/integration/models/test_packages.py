@@ -43,6 +43,21 @@ def test_it_is_evaluated_and_its_failures_have_names(installed: Path) -> None:
     assert refused == "nothing_there"
 
 
+def test_what_an_entry_point_lacks_is_named(tmp_path: Path) -> None:
+    package = laid_out(tmp_path)
+    module = package / "rehyb_example" / "__init__.py"
+    module.write_text("class Decay:\n    name = 'decay'\n    factors = ()\n")
+    said = subprocess.run(
+        [sys.executable, "-m", "models.packages", "decay"],
+        env=os.environ | {"PYTHONPATH": str(package)},
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stderr
+    lacks = "it has no description, outputs, evaluate"
+    assert said == f"rehyb_example:Decay is no model: {lacks}\n"
+
+
 def test_its_identity_changes_with_its_files(installed: Path) -> None:
     before = json.loads(ran(installed, "-m", "models.packages", "decay"))
     assert (before["kind"], before["deterministic"]) == ("python", False)

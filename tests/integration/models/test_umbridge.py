@@ -80,6 +80,24 @@ def test_what_is_no_server_says_so() -> None:
         Server("http://127.0.0.1:1")
 
 
+@pytest.mark.parametrize(
+    ("info", "words"),
+    [
+        ({}, "it tells no protocolVersion"),
+        ({"protocolVersion": 0.9}, "speaks version 0.9, not 1.0"),
+        ({"protocolVersion": 1.0, "models": 3}, "does not tell the names of its models"),
+        ({"protocolVersion": 1.0, "models": [3]}, "does not tell the names of its models"),
+    ],
+)
+def test_what_a_server_tells_of_itself_must_make_sense(
+    info: dict[str, Any], words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer = httpx2.Response(200, json=info)
+    monkeypatch.setattr(httpx2.Client, "request", lambda *_, **__: answer)
+    with pytest.raises(ModelError, match=words):
+        Server("http://h")
+
+
 def asked(url: str, path: str, **body: Any) -> tuple[int, dict[str, Any]]:
     answer = httpx2.post(f"{url}/{path}", content=json.dumps(body), trust_env=False)
     return answer.status_code, answer.json()

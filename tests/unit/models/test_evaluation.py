@@ -28,10 +28,10 @@ def test_an_answer_is_one_number_a_column_in_the_order_of_the_description() -> N
     [
         ({"z" * 90: 1.0}, "bad_answer", f"output {'z' * 80!r} is not in its description"),
         ({"angle": ...}, "bad_answer", "output angle is missing"),
-        ({"path": [1.0, 2.0]}, "bad_answer", "output path must be 3 numbers"),
-        ({"path": "123"}, "bad_answer", "output path must be 3 numbers"),
-        ({"path": 1.0}, "bad_answer", "output path must be 3 numbers"),
-        ({"path": {0, 1, 2}}, "bad_answer", "output path must be 3 numbers"),
+        ({"path": [1.0, 2.0]}, "bad_answer", "output path must be a list of 3 numbers, not of 2"),
+        ({"path": "123"}, "bad_answer", "output path must be a list of 3 numbers"),
+        ({"path": 1.0}, "bad_answer", "output path must be a list of 3 numbers"),
+        ({"path": {0, 1, 2}}, "bad_answer", "output path must be a list of 3 numbers"),
         ({"angle": "x" * 70}, "bad_answer", f"output angle must be a number, not {'x' * 60!r}"),
         ({"angle": "1" * 70}, "bad_answer", f"output angle must be a number, not {'1' * 60!r}"),
         ({"angle": True}, "bad_answer", "output angle must be a number, not 'True'"),
@@ -51,6 +51,12 @@ def test_what_is_no_answer_is_one_sentence(
         columns(MODEL, {name: value for name, value in answer.items() if value is not ...})
     assert (caught.value.outcome, caught.value.reason) == (outcome, reason)
     assert str(caught.value) == f"{outcome}: {reason}"
+
+
+@pytest.mark.parametrize("answer", [[1.0], 1.0, None])
+def test_an_answer_without_names_is_told_so(answer: Any) -> None:
+    with pytest.raises(ModelFailure, match=r"^bad_answer: outputs must be numbers by name, not of"):
+        columns(MODEL, answer)
 
 
 @pytest.mark.parametrize("outcome", ["ok", "", "Diverged", "1st", "x" * 81])

@@ -9,6 +9,8 @@ import pytest
 from models.folder import LIMITS, ModelError, copied, pack, read_folder, unpacked_into
 from tests.testbed.models import EXAMPLES, edited
 
+NO_JSON = "goes to the server as JSON, which has no dates, inf or nan"
+
 
 def test_a_folder_packed_and_unpacked_is_the_same_version(tmp_path: Path) -> None:
     read = read_folder(EXAMPLES / "pendulum")
@@ -86,6 +88,51 @@ def test_a_description_of_no_sense_is_told_whole(
     with pytest.raises(ModelError) as caught:
         read_folder(folder)
     assert str(caught.value) == words
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            'run = ["python3", "ishigami.py"]',
+            'run = "python3 ishigami.py"',
+            "command.run is 'python3 ishigami.py': expected a list of texts, as [\"python3\", ",
+        ),
+        ('run = ["python3", "ishigami.py"]', "run = []", "command.run is '[]': expected a list"),
+        ('run = ["python3", "ishigami.py"]', "", "command.run is missing: expected a list"),
+        ("keep = true", 'keep = "yes"', "command.keep must be true or false"),
+        ("keep = true", "kept = true", "command.kept is unknown: expected keep, run"),
+    ],
+)
+def test_how_a_program_is_run_is_looked_at_when_its_model_is_read(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    folder = edited("ishigami_python", tmp_path, {old: new})
+    with pytest.raises(ModelError) as caught:
+        read_folder(folder)
+    assert str(caught.value).startswith(f"model.toml: {words}")
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ("name = 3", "umbridge.name must be a text: what the server calls its model"),
+        ("config = 3", "umbridge.config must be a table, which the server gets as it is"),
+        ("config = {day = 2026-01-01}", f"umbridge.config {NO_JSON}"),
+        ("config = {most = inf}", f"umbridge.config {NO_JSON}"),
+        ('url = "http://h"', "umbridge.url is unknown: expected config, name"),
+    ],
+)
+def test_what_a_server_is_asked_for_is_looked_at_when_its_model_is_read(
+    tmp_path: Path, said: str, words: str
+) -> None:
+    folder = edited("ishigami_python", tmp_path)
+    text = (folder / "model.toml").read_text().partition("[command]")[0]
+    text = text.replace('"command"', '"umbridge"')
+    (folder / "model.toml").write_text(f"{text}\n[umbridge]\n{said}\n")
+    with pytest.raises(ModelError) as caught:
+        read_folder(folder)
+    assert str(caught.value) == f"model.toml: {words}"
 
 
 def test_what_only_mjcf_reads_is_refused_of_other_kinds(tmp_path: Path) -> None:

@@ -73,13 +73,14 @@ def test_a_model_that_is_not_as_deterministic_as_it_says_is_refused(of: str) -> 
 
     found, canaries = canary_of(answer)
     assert found is None
-    assert canaries.refused == {MODEL.version}
+    assert "other numbers at the same point" in canaries.refused[MODEL.version]
     assert canary_of(answer, replace(MODEL, deterministic=False))[0] == ""
 
 
 def test_one_that_cannot_be_loaded_is_refused_and_one_that_fails_is_not() -> None:
     bad = {"outcome": "bad_model", "outputs": {}, "reason": "no such file"}
-    assert canary_of(lambda _: bad)[1].refused == {MODEL.version}
+    refused = canary_of(lambda _: bad)[1].refused
+    assert refused == {MODEL.version: "it cannot be loaded here: no such file"}
     assert canary_of(lambda _: {**bad, "outcome": "diverged"})[0]
 
 

@@ -5,15 +5,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from models.description import Kind
 from models.running.place import Place
 from models.running.places import Places
 from rehyb.errors import Invalid, Unreachable
+from server.routes.fleet.leases import WorkerBody
 from sim.models import MODELS
 from tests.unit.worker.test_canaries import MODEL
 from worker.models.canaries import Canaries
-from worker.models.offered import MOST_MODELS, WorkerModels
+from worker.models.offered import MOST_MODELS, MOST_REFUSED, MOST_SAID, OTHER_VERSION, WorkerModels
 
 #: What says that it is not deterministic has its canary at once.
 NAMED = [replace(MODEL, name=f"m{i}", deterministic=False) for i in range(MOST_MODELS)]
@@ -96,7 +98,7 @@ def test_a_coordinator_is_told_of_models_whose_code_is_here_before_work_and_unti
 def test_a_worker_says_once_of_which_open_studies_it_takes_nothing_and_why(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    caplog.set_level("INFO", logger="worker.models.offered")
+    caplog.set_level("INFO", logger="worker.models")
     digests = iter("abcdefgh")
     wanted = [
         replace(NAMED[0], kind=Kind.COMMAND).as_json() | {"digest": NAMED[0].digest},
@@ -111,7 +113,35 @@ def test_a_worker_says_once_of_which_open_studies_it_takes_nothing_and_why(
         worker.offered(now)
     not_here = "its code is not here; whoever has it names it with"
     assert caplog.messages == [
-        "takes nothing of studies of m0@a: what was named here is another version of it",
+        f"does not take m0@a: {OTHER_VERSION}",
         f"takes nothing of studies of m1@b: {not_here} --allow NAME",
         f"takes nothing of studies of m2@c: {not_here} --models DIR --umbridge URL",
     ]
+    assert worker.refused() == {"m0@a": OTHER_VERSION}
+
+
+def test_the_reason_of_a_refusal_is_told_as_one_short_line() -> None:
+    worker = offering(0)
+    for number in range(MOST_MODELS + 5):
+        worker.canaries.refuse(f"m{number}@a", "no\x1b[31m such\nfile" * 100)
+    told = worker.refused()
+    assert {len(why) for why in told.values()} == {MOST_SAID}
+    assert all(why.isprintable() for why in told.values())
+
+
+def test_of_many_refusals_those_are_told_for_which_studies_wait(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And the latest: so many that a coordinator takes them."""
+    wanted = replace(NAMED[0], kind=Kind.COMMAND).as_json() | {"digest": "a"}
+    monkeypatch.setattr(Open, "models", lambda self, wanted_ones=True, **_: [wanted])
+    worker = offering(1)
+    worker.offered(0.0)
+    for number in range(1, MOST_REFUSED + 5):
+        worker.canaries.refuse(f"m{number}@a", "no")
+    told = worker.refused()
+    assert list(told) == [*(f"m{n}@a" for n in range(6, MOST_REFUSED + 5)), "m0@a"]
+    body = {"id": "w", "host": "h", "refused": {**told, "m0@a": "x" * MOST_SAID}}
+    assert WorkerBody(**body).refused["m0@a"] == "x" * MOST_SAID
+    with pytest.raises(ValidationError):
+        WorkerBody(**body | {"refused": told | {"m1@a": "no"}})

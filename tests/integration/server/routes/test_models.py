@@ -145,6 +145,32 @@ def test_a_busy_worker_and_one_that_closes_loops_are_not_taken_for_absent(
     assert first["model"] == version
 
 
+def test_a_study_says_why_a_worker_refuses_its_model(client: TestClient) -> None:
+    model = client.post("/v1/models", json=announced()).json()
+    version = f"elsewhere@{model['digest']}"
+    study = submitted(client, version)
+    path = f"/v1/studies/{study['id']}/progress"
+    assert client.get(path).json()["why_it_waits"] is None
+
+    def asks(refused: dict[str, str], models: list[str]) -> int:
+        who = {"id": "w", "host": "pc7", "refused": refused}
+        asked = {"worker": who, "models": models, "max_instances": 1}
+        return client.post("/v1/leases", json=asked).status_code
+
+    assert asks({version: "it gives other numbers"}, ["ishigami"]) == 204
+    told = client.get(path).json()
+    assert told["waits_for"] == version
+    assert told["why_it_waits"] == "pc7 refuses it: it gives other numbers"
+    assert client.get("/v1/workers").json()["workers"][0]["refused"] == {
+        version: "it gives other numbers"
+    }
+    # What it says of a model changes nothing of who may have its study.
+    assert asks({version: "it gives other numbers"}, [version]) == 201
+    assert asks({version: "two\nlines"}, ["ishigami"]) == 422
+    assert asks({}, ["ishigami"]) == 204
+    assert client.get("/v1/workers").json()["workers"][0]["refused"] == {}
+
+
 def test_a_row_stays_with_machines_that_compute_the_same_of_this_model(client: TestClient) -> None:
     model = client.post("/v1/models", json=announced()).json()
     version = f"elsewhere@{model['digest']}"

@@ -158,14 +158,15 @@ def test_tokens_are_made_listed_and_revoked_by_command(
 ) -> None:
     def run(*arguments: str) -> Any:
         monkeypatch.setenv("REHYB_DATABASE_URL", url)
-        monkeypatch.setattr("sys.argv", ["rehyb", "token", *arguments, "--json"])
+        monkeypatch.setattr("sys.argv", ["rehyb", *arguments, "--json"])
         with pytest.raises(SystemExit) as leaving:
             main()
         assert not leaving.value.code
         return json.loads(capsys.readouterr().out)
 
-    made = run("create", "lab-pc", "--scope", "work")
+    run("db", "upgrade")
+    made = run("token", "create", "lab-pc", "--scope", "work")
     assert (made["name"], made["scopes"]) == ("lab-pc", ["work"])
     assert made["token"].startswith("rehyb_")
-    assert [token["id"] for token in run("list")["tokens"]] == [made["id"]]
-    assert run("revoke", made["id"])["revoked_at"] is not None
+    assert [token["id"] for token in run("token", "list")["tokens"]] == [made["id"]]
+    assert run("token", "revoke", made["id"])["revoked_at"] is not None

@@ -80,3 +80,24 @@ def test_a_screening_says_what_does_too_little_and_what_is_open() -> None:
 def test_of_eight_sequences_nothing_is_said_against_their_intervals() -> None:
     plan = study_plan("saltelli", rows=16, sampling="owen_blocks")
     assert "Sobol sequence" not in " ".join(remarks(analyse(plan, results_of(plan)), "y"))
+
+
+def test_an_interval_of_a_share_above_one_never_comes_without_a_remark() -> None:
+    share = {"value": 1.05, "low": 1.0004, "high": 1.1}
+    below = {"value": 0.99, "low": 0.9, "high": 1.1}
+    snapshot = {
+        "outputs": {
+            "y": {
+                "factors": {
+                    "a": {"first_order": share, "total_order": below},
+                    "b": {"first_order": below, "total_order": share, "n": 9},
+                }
+            }
+        }
+    }
+    (said,) = remarks(snapshot, "y")
+    assert said.startswith(
+        "The whole interval of S of a, ST of b on y lies above 1, where no share"
+    )
+    snapshot["outputs"]["y"]["factors"] = {"a": {"first_order": below, "total_order": below}}
+    assert remarks(snapshot, "y") == []

@@ -300,3 +300,13 @@ def test_what_no_child_could_evaluate_has_a_result_too() -> None:
         "wall_seconds": 0.5,
     }
     assert failed({"id": "a"}, Outcome.CRASHED, "gone")["wall_seconds"] == 0.0
+
+
+def test_half_a_character_that_a_model_says_spoils_no_result(pipes: Pipes) -> None:
+    """A program can write it as JSON, and no coordinator reads it."""
+
+    def halved(_: Mapping[str, Any]) -> Evaluation:
+        raise ModelFailure("diverged", "at \ud800 é", {"\udfff": ["\ud800"]})
+
+    report = only(pipes, halved)
+    assert report["reason"] == "at ? é" and report["state"] == {"?": ["?"]}

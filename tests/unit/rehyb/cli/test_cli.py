@@ -118,8 +118,9 @@ def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
     [
         ("study submit --rows 5", "a study needs model, method: give --model --method, or a FILE"),
         ("study submit no-such-file.json", "no-such-file.json cannot be read: No such file"),
-        ("study submit --factor x1", "'x1' is not of the form name=value"),
-        ("study submit --factor x1=3", "'x1=3' is not of the form NAME=LOW:HIGH"),
+        ("study submit --factor x1", "'x1' is not of the form NAME=LOW:HIGH, as in x1=0.5:1.5"),
+        ("study submit --factor m=3", "'m=3' is not of the form NAME=LOW:HIGH, as in m=0.5:1.5"),
+        ("study submit --factor =0:1", "'=0:1' is not of the form NAME=LOW:HIGH, as in x1=0."),
         ("study submit --fix x1=much", "x1 must be a number, not 'much'"),
         ("campaign run --directory d --preset huge", "no preset 'huge': take demo or paper"),
         ("campaign run --directory d --output z", "elbow has no output 'z': it has stiffness_err"),
@@ -188,14 +189,26 @@ def test_a_database_that_cannot_be_opened_is_one_sentence(
 
 
 @pytest.mark.parametrize(
-    "command", [("check",), ("backup", "copy.sqlite3"), ("copy", "sqlite:///b")]
+    "command",
+    [
+        "db check",
+        "db backup copy.sqlite3",
+        "db copy sqlite:///b",
+        "token create anna --scope read",
+        "token list",
+        "token revoke abc",
+        "analysis",
+    ],
 )
-def test_no_empty_database_is_made_to_be_backed_up(
-    run: Run, command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_no_empty_database_is_made_beside_the_one_that_was_meant(
+    run: Run, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Beside a coordinator of `rehyb up` that printed: back up a database of nothing."""
+    """In another folder than that of `rehyb up`: a token that no coordinator knows, say."""
     monkeypatch.chdir(tmp_path)
-    status, _, err = run("db", *command)
+    monkeypatch.delenv("REHYB_DATABASE_URL", raising=False)
+    # `analysis` ends by signals.
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    status, _, err = run(*command.split())
     assert status == 1 and "there is no database" in err and ".rehyb/rehyb.sqlite3" in err
     assert not list(tmp_path.glob("*.sqlite3"))
 

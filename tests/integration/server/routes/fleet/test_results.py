@@ -318,6 +318,7 @@ def test_workers_are_listed(client: TestClient, lease: Json, clock: Any) -> None
                 "host_class": host_class({"mujoco": "4.0.1"}),
                 "tags": [],
                 "models": {"ishigami": ""},
+                "refused": {},
                 "agreed": 0,
                 "disagreed": 0,
                 "trust": 1.0,

@@ -50,6 +50,14 @@ class SumOfShares:
         return Estimate(value=high, low=high, high=high)
 
 
+class Shares(SumOfShares):
+    """Shares of two factors, of which the second one's interval begins here."""
+
+    def estimate(self, level: float) -> Estimate:
+        low = np.array([[9.0, 9.0], [np.nan, super().estimate(level).low[1]]])
+        return Estimate(value=low, low=low, high=low)
+
+
 def judged(sums: Sums, **statistics: Any) -> Trust:
     return judge(sums, statistics, 1, "y")  # type: ignore[arg-type]
 
@@ -135,3 +143,20 @@ def test_what_three_runs_in_a_sample_would_show_may_be_unseen(
 
 def test_an_unknown_kurtosis_leaves_the_effective_runs_unknown() -> None:
     assert judged(Sums(rows=0, runs=9, kurtosis_of_y=float("nan"))).effective_runs is None
+
+
+@pytest.mark.parametrize(
+    ("index", "what"),
+    [("first_order", "a first-order index"), ("total_order", "a total-order index")],
+)
+def test_a_share_that_is_surely_above_one_is_not_to_be_trusted(index: str, what: str) -> None:
+    enough = Sums(rows=128, runs=256, kurtosis_of_y=3.0)
+    whole = Shares(1.0049)
+    assert judged(enough, **{index: whole}).trusted is True
+    assert whole.asked == [0.99]
+    found = judged(enough, **{index: Shares(1.048)})
+    assert found.trusted is False
+    assert found.sentence == (
+        f"Do not trust these intervals: {what} of y is at least 1.05, and truly never more than 1, "
+        "so the rows are too few for a share of the variance."
+    )

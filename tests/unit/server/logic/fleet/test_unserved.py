@@ -41,6 +41,18 @@ def test_tags_code_and_models_that_nobody_has_are_named() -> None:
     assert why_it_waits(own, [worker()]) == "no worker has the model pendulum@1"
 
 
+def test_why_workers_refuse_a_model_is_told_once_of_each_host() -> None:
+    own = study()
+    own.plan.__dict__["model"] = "random0@1"
+    refusing = [
+        worker(host=host, refused={"random0@1": "it gives other numbers"}) for host in "aab"
+    ]
+    told = "a refuses it: it gives other numbers; b refuses it: it gives other numbers"
+    assert why_it_waits(own, [worker(), *refusing]) == told
+    taking = worker(models={"random0@1": "7c"})
+    assert why_it_waits(own, [taking, *refusing]) is None
+
+
 def test_no_more_than_three_objections_are_listed() -> None:
     theirs = [worker(versions={"code": code}) for code in "bcde"]
     said = str(why_it_waits(study(identity={"code": "a"}), theirs))
