@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.logs.clock import stretches
-from analysis.closeloop.logs.draft import joint_names, write_session
+from analysis.closeloop.logs.draft import write_session
 from analysis.closeloop.logs.inspection import believe
+from analysis.closeloop.logs.joints import joint_names
 from analysis.closeloop.logs.log import Log
 from analysis.closeloop.logs.reading import read_log
 
