@@ -147,9 +147,15 @@ def test_trials_of_several_days_are_in_order(tmp_path: Path) -> None:
     ]
 
 
-def test_a_unit_beside_a_data_set_is_read(tmp_path: Path) -> None:
+def test_a_group_in_brackets_is_no_column_of_a_matrix(tmp_path: Path) -> None:
+    log = hdf5(tmp_path, {f"trial{n}/[arm]": trial for n, trial in enumerate(trials())})
+    assert [channel.name for channel in log.channels][0] == "[arm].angle"
+
+
+@pytest.mark.parametrize("kind", [str, np.bytes_])
+def test_a_unit_beside_a_data_set_is_read(tmp_path: Path, kind: type) -> None:
     with h5py.File(tmp_path / "log.h5", "w") as file:
-        for name, unit in (("q", "deg"), ("dq", "deg/s")):
+        for name, unit in (("q", kind("deg")), ("dq", kind("deg/s"))):
             file[name] = np.sin(np.arange(100.0))
             file[name].attrs["units"] = unit
     found = believe(read_log(tmp_path / "log.h5"))
