@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 from scipy.signal import savgol_filter
 
-from analysis.closeloop.logs.belief import CHAIN, Belief, is_nameless
+from analysis.closeloop.logs.belief import BY_NAME, CHAIN, Belief, is_nameless
 from analysis.closeloop.logs.clock import set_rate, stretches
 from analysis.closeloop.logs.log import Channel, Numbers
 
@@ -56,7 +56,7 @@ def find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
         first, second = beliefs[moving[i]].quantity, beliefs[moving[j]].quantity
         if "unknown" not in (first, second) and CHAIN.index(second) != CHAIN.index(first) + 1:
             name = beliefs[moving[i]].channel.name
-            why = f"by its name, but it is the derivative of {name}"
+            why = f"{BY_NAME}, but it is the derivative of {name}"
             beliefs[moving[j]] = replace(beliefs[moving[j]], why=why)
             continue
         has_derivative.add(i)
