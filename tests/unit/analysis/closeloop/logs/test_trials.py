@@ -10,6 +10,7 @@ import pytest
 
 from analysis.closeloop.logs.clock import stretches
 from analysis.closeloop.logs.draft import write_session
+from analysis.closeloop.logs.hdf5 import read as read_hdf5
 from analysis.closeloop.logs.inspection import believe
 from analysis.closeloop.logs.joints import joint_names
 from analysis.closeloop.logs.log import Log
@@ -135,8 +136,27 @@ def test_cells_side_by_side_are_trials(tmp_path: Path) -> None:
     for number, trial in enumerate(trials()):
         for name, values in trial.items():
             cells[name][number] = values
-    told, _, _ = session_of(matlab(tmp_path, **cells), tmp_path / "session")
+    told, tables, _ = session_of(matlab(tmp_path, **cells), tmp_path / "session")
     assert [trial["label"] for trial in told] == ["trial 1", "trial 2", "trial 3"]
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for name, cell in cells.items():
+            for number, values in enumerate(cell):
+                file[f"#refs#/{name}{number}"] = values[None, :]
+            file[name] = [file[f"#refs#/{name}{number}"].ref for number in range(3)]
+            file[name].attrs["MATLAB_class"] = np.bytes_("cell")
+    of_7_3 = read_hdf5(tmp_path / "log.h5", kind="MATLAB")
+    assert all(map(np.array_equal, tables, session_of(of_7_3, tmp_path / "7.3")[1]))
+
+
+def test_cells_within_a_cell_are_trials_in_its_order(tmp_path: Path) -> None:
+    """They were taken for cells side by side: all clocks for the first trial."""
+    outer = np.empty(3, dtype=object)
+    for number, trial in enumerate(trials()):
+        outer[number] = np.empty(len(trial), dtype=object)
+        outer[number][:] = [*trial.values()]
+    log = matlab(tmp_path, runs=outer)
+    assert log.channels[0].trials == (("runs 1", 0), ("runs 2", 300), ("runs 3", 720))
+    assert len(log.channels) == 4
 
 
 def test_trials_of_several_days_are_in_order(tmp_path: Path) -> None:
@@ -149,7 +169,7 @@ def test_trials_of_several_days_are_in_order(tmp_path: Path) -> None:
 
 def test_a_group_in_brackets_is_no_column_of_a_matrix(tmp_path: Path) -> None:
     log = hdf5(tmp_path, {f"trial{n}/[arm]": trial for n, trial in enumerate(trials())})
-    assert [channel.name for channel in log.channels][0] == "[arm].angle"
+    assert log.channels[0].name == "[arm].angle"
 
 
 @pytest.mark.parametrize("kind", [str, np.bytes_])
