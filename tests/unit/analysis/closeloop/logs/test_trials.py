@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.clock import stretches
 from analysis.closeloop.logs.draft import write_session
 from analysis.closeloop.logs.hdf5 import read as read_hdf5
@@ -80,6 +81,18 @@ def test_a_velocity_is_told_by_physics_in_trials_as_in_one(tmp_path: Path) -> No
     log = hdf5(tmp_path, {f"trial{n}": trial for n, trial in enumerate(trials())})
     found = {belief.channel.name: belief for belief in believe(log)}
     assert (found["x"].quantity, found["x"].joint) == ("velocity", found["angle"].joint)
+
+
+@pytest.mark.parametrize("rate_hz", [None, 100.0])
+def test_trials_too_short_or_without_numbers_are_not_compared(rate_hz: float | None) -> None:
+    """Both ended in a traceback; of all trials together the samples are enough."""
+    names = ("q1", "q2", "dq1", "dq2")
+    short = [(f"trial{n}/{name}", np.sin(np.arange(5.0) + n)) for n in range(20) for name in names]
+    assert len(believe(log_of("HDF5", short), rate_hz)) == 4
+    lengths = {"trial1": 400, "trial2": 300, "trial3": 300}
+    arrays = {f"{at}/{name}": np.sin(np.arange(n)) for at, n in lengths.items() for name in names}
+    arrays["trial1/dq2"] = np.full(400, np.nan)
+    assert len(believe(log_of("HDF5", arrays.items()), rate_hz)) == 4
 
 
 def test_groups_with_other_names_are_trials_if_their_clocks_differ(tmp_path: Path) -> None:
