@@ -87,7 +87,9 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
         belief = beliefs[at]
         if belief.quantity not in ("time", "unknown"):
             continue
-        steps = np.diff(belief.channel.values)
+        # From trial to trial is no step.
+        ends = [begin - 1 for _, begin in belief.channel.trials if begin]
+        steps = np.delete(np.diff(belief.channel.values), ends)
         median = float(np.median(steps))
         regular = median > 0 and np.mean((steps >= 0) & (steps < 5 * median)) > 0.98
         units = [u for u, scale in CLOCKS.items() if STEPS[0] <= median * scale <= STEPS[1]]

@@ -95,6 +95,16 @@ def test_trials_too_short_or_without_numbers_are_not_compared(rate_hz: float | N
     assert len(believe(log_of("HDF5", arrays.items()), rate_hz)) == 4
 
 
+def test_many_short_trials_have_a_clock(tmp_path: Path) -> None:
+    """It began anew too often to be one."""
+    time = 0.01 * np.arange(20)
+    signals = {"time": time, "q": np.sin(time), "torque": np.cos(time)}
+    arrays = {f"trial{n}/{name}": array for n in range(9) for name, array in signals.items()}
+    told, tables, _ = session_of(log_of("HDF5", arrays.items()), tmp_path / "session")
+    assert [trial["label"] for trial in told] == [f"trial{n}" for n in range(9)]
+    assert {len(table) for table in tables} == {20}
+
+
 def test_groups_with_other_names_are_trials_if_their_clocks_differ(tmp_path: Path) -> None:
     names = ("slow", "fast", "low")
     log = hdf5(tmp_path, dict(zip(names, trials(), strict=True)))
