@@ -47,16 +47,14 @@ def inspect(
     Exit status 2 if the log cannot be read; then nothing is written.
     """
     from analysis.closeloop.errors import SessionError
-    from analysis.closeloop.logs.draft import (
-        assigned,
+    from analysis.closeloop.logs.draft import assigned, of_currents, write_session
+    from analysis.closeloop.logs.inspection import believe, of_rates
+    from analysis.closeloop.logs.joints import (
         joint_names,
         joints_in,
-        of_currents,
         of_only_joint,
         of_other_joints,
-        write_session,
     )
-    from analysis.closeloop.logs.inspection import believe, of_rates
     from analysis.closeloop.logs.reading import read_log
 
     try:

@@ -1,6 +1,7 @@
 """Arrays as a log: a vector is one channel, a matrix one for each of its shorter side."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +15,40 @@ MAX_SIGNALS = 200
 
 def log_of(kind: str, arrays: Iterable[tuple[str, np.ndarray]]) -> Log:
     """Return the log of arrays by their paths, `run_1/elbow/q`, with trials joined."""
-    log = Log(kind=kind, channels=_channels(arrays))
+    named = [*arrays]
+    if kind == "MATLAB":
+        named = _side_by_side(named)
+    log = Log(kind=kind, channels=_channels(named))
     join_trials(log)
     log.channels = [
         replace(channel, name=channel.name.replace("/[", "[").replace("/", "."))
         for channel in log.channels
     ]
     return log
+
+
+def _side_by_side(arrays: Sequence[tuple[str, np.ndarray]]) -> list[tuple[str, np.ndarray]]:
+    """Return arrays of which those in MATLAB's cells of one size are in places of their number.
+
+    They belong together as the fields of a structure array's elements do: t{2} and q{2}, `t/2` and
+    `q/2` here, become `2/t` and `2/q`. A name that is a number is that of a cell within a cell.
+    """
+    sizes = Counter(cell for path, _ in arrays if (cell := _cell(path)))
+    alike = Counter((cell.rpartition("/")[0], size) for cell, size in sizes.items())
+    found = []
+    for path, array in arrays:
+        cell = _cell(path)
+        parent, slash, name = cell.rpartition("/")
+        if cell and alike[parent, sizes[cell]] > 1:
+            path = f"{parent}{slash}{path.rpartition('/')[2]}/{name}"
+        found.append((path, array))
+    return found
+
+
+def _cell(path: str) -> str:
+    """Return the path of the cell whose element an array is; empty if it is none."""
+    cell, _, element = path.rpartition("/")
+    return cell if element.isdigit() and not cell.rpartition("/")[2].isdigit() else ""
 
 
 def _channels(arrays: Iterable[tuple[str, np.ndarray]]) -> list[Channel]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.closeloop.logs.log import Channel
-from analysis.closeloop.logs.units import UNITS, parted
+from analysis.closeloop.logs.units import UNITS, split_unit
 
 #: Words that name a quantity.
 WORDS: Mapping[str, tuple[str, ...]] = {
@@ -29,8 +29,8 @@ WANTED = (
 )
 #: Derivatives of a position, in order.
 CHAIN = ("position", "velocity", "acceleration")
-#: Why a channel whose name has no word for it is of a quantity.
-BY_UNIT = "by its unit"
+#: Why a channel is of a quantity: its name has a word for it, or a unit of it.
+BY_NAME, BY_UNIT = "by its name", "by its unit"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +57,8 @@ class Belief:
 
 def _tokens(name: str) -> list[str]:
     """Return the words of a name, also of one such as `TorqueCur1`, and its numbers."""
-    parted = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", " ", name)
-    return re.findall(r"[^\W\d_]+|\d+", parted.lower())
+    spaced = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", " ", name)
+    return re.findall(r"[^\W\d_]+|\d+", spaced.lower())
 
 
 def by_name(channel: Channel) -> Belief:
@@ -94,10 +94,10 @@ def desired(beliefs: Sequence[Belief]) -> list[Belief]:
     return found
 
 
-def without_own_words(beliefs: Sequence[Belief]) -> list[Belief]:
-    """Return beliefs without the words for a quantity in the stems of those told by their unit.
+def without_words_of_quantities(beliefs: Sequence[Belief]) -> list[Belief]:
+    """Return beliefs told by their unit with the word for the quantity left out of the stem.
 
-    In any language it is a word that all of them have, and no signal of another quantity.
+    In any language that is a word that all signals of the quantity have, and none of another.
     """
     told = [belief for belief in beliefs if belief.why == BY_UNIT and belief.stem]
     own: dict[str, set[str]] = {}
@@ -117,24 +117,25 @@ def _without(belief: Belief, words: Collection[str]) -> Belief:
 
 
 def _said(channel: Channel) -> tuple[str, str, str, str]:
-    """Return quantity, unit, stem and why, by a channel's name; "unknown" and "?" where it is mute.
+    """Return quantity, unit, stem and why, by a channel's name; "unknown" and "?" if it has none.
 
-    Where a unit in the name and a word in it are of two quantities, the unit is right: `u [V]`. A
-    single letter at the end is then no unit, but a joint or a part: `q_A`.
+    Where a unit in the name and a word in it are of two quantities, the unit is right: `u [V]`. But
+    a single letter at the end is then no unit, but the name of a joint or a part: `q_A`.
     """
-    rest, unit, sure = parted(channel.name)
+    rest, unit, sure = split_unit(channel.name)
     words = _tokens(rest)
     named = next((q for q, names in WORDS.items() if any(w in names for w in words)), None)
-    measured = UNITS[unit].quantity if unit else ""
-    why = "by its name"
-    sloppy = measured == "position" and named in CHAIN  # `speed_deg`
-    if unit and named and named != measured and not sloppy:
+    of_unit = UNITS[unit].quantity if unit else ""
+    why = BY_NAME
+    # Many write `speed_deg` for deg/s.
+    sloppy = of_unit == "position" and named in CHAIN
+    if unit and named and named != of_unit and not sloppy:
         if sure:
-            named, why = (measured if measured != "time" else ""), BY_UNIT
+            named, why = (of_unit if of_unit != "time" else ""), BY_UNIT
         else:
             rest, unit = channel.name, None
     elif unit and not named and sure and UNITS[unit].tells:
-        named, why = measured, BY_UNIT
+        named, why = of_unit, BY_UNIT
     if {*words} & {*TOOLS} and "joint" not in words and channel.unit is None:
         return "unknown", channel.unit or unit or "?", "", "of a tool, not of a joint"
     if not named:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.log import Numbers
@@ -52,8 +53,8 @@ def clock_of(time: Numbers) -> Clock:
         jitter=float(np.std(regular) / median) if len(regular) else np.nan,
         gaps=int(np.sum(forward > 5 * median)),
         longest_gap=float(forward.max()) if len(forward) else np.nan,
-        repeated=int(np.sum((steps <= 0) & (steps >= -RESTART * median))),
-        restarts=int(np.sum(steps < -RESTART * median)),
+        repeated=int(np.sum((steps <= 0) & ~_begins_anew(steps))),
+        restarts=int(np.sum(_begins_anew(steps))),
     )
 
 
@@ -64,10 +65,15 @@ def stretches(time: Numbers, begins: Sequence[int] = ()) -> list[slice]:
         time: s, shape (n,).
         begins: samples at which trials begin.
     """
-    steps = np.diff(time)
-    step = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 1.0
-    cuts = {0, len(time), *begins, *(np.flatnonzero(steps < -RESTART * step) + 1).tolist()}
+    restarts = np.flatnonzero(_begins_anew(np.diff(time))) + 1
+    cuts = {0, len(time), *begins, *restarts.tolist()}
     return [slice(a, b) for a, b in pairwise(sorted(cuts)) if b <= len(time)]
+
+
+def _begins_anew(steps: Numbers) -> NDArray[np.bool_]:
+    """Return at which steps between stamps, s, (n,), a clock begins anew."""
+    forward = steps[steps > 0]
+    return steps < -RESTART * (float(np.median(forward)) if len(forward) else 1.0)
 
 
 def find_clock(beliefs: list[Belief], group: list[int]) -> None:
@@ -81,7 +87,9 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
         belief = beliefs[at]
         if belief.quantity not in ("time", "unknown"):
             continue
-        steps = np.diff(belief.channel.values)
+        # From trial to trial is no step.
+        ends = [begin - 1 for _, begin in belief.channel.trials if begin]
+        steps = np.delete(np.diff(belief.channel.values), ends)
         median = float(np.median(steps))
         regular = median > 0 and np.mean((steps >= 0) & (steps < 5 * median)) > 0.98
         units = [u for u, scale in CLOCKS.items() if STEPS[0] <= median * scale <= STEPS[1]]

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 from scipy.signal import savgol_filter
 
-from analysis.closeloop.logs.belief import CHAIN, Belief, is_nameless
+from analysis.closeloop.logs.belief import BY_NAME, CHAIN, Belief, is_nameless
 from analysis.closeloop.logs.clock import set_rate, stretches
 from analysis.closeloop.logs.log import Channel, Numbers
 
@@ -37,11 +37,14 @@ MOSTLY = 0.5
 
 def find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
     """Find positions, velocities and accelerations: each is the derivative of the one before."""
-    moving = _moving(beliefs, group)
     time = beliefs[group[0]].channel.time
-    if time is None or not 2 <= len(moving) <= MOST or len(time) < FEWEST:
+    if time is None:
         return
-    alike, factor = _compared(time, [beliefs[at].channel for at in moving])
+    part = _longest(time, beliefs[group[0]].channel)
+    moving = _moving(beliefs, group, part)
+    if not 2 <= len(moving) <= MOST:
+        return
+    alike, factor = _compared(time[part], [beliefs[at].channel.values[part] for at in moving])
     has_derivative: set[int] = set()
     is_derivative: set[int] = set()
     # What was measured is closer to the derivative than what was wanted; of equals, the first.
@@ -56,7 +59,7 @@ def find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
         first, second = beliefs[moving[i]].quantity, beliefs[moving[j]].quantity
         if "unknown" not in (first, second) and CHAIN.index(second) != CHAIN.index(first) + 1:
             name = beliefs[moving[i]].channel.name
-            why = f"by its name, but it is the derivative of {name}"
+            why = f"{BY_NAME}, but it is the derivative of {name}"
             beliefs[moving[j]] = replace(beliefs[moving[j]], why=why)
             continue
         has_derivative.add(i)
@@ -76,13 +79,15 @@ def find_rate(beliefs: list[Belief], group: list[int]) -> None:
     Positions and velocities without a clock differ by its rate, Hz. One pair could be alike by
     chance, or be of other units; several that say the same rate are not.
     """
-    moving = _moving(beliefs, group)
-    samples = len(beliefs[group[0]].channel.values)
-    timed = beliefs[group[0]].channel.time is not None
-    if timed or not 4 <= len(moving) <= MOST or samples < FEWEST:
+    first = beliefs[group[0]].channel
+    if first.time is not None:
         return
-    count = np.arange(float(samples))
-    alike, factor = _compared(count, [beliefs[at].channel for at in moving])
+    count = np.arange(float(len(first.values)))
+    part = _longest(count, first)
+    moving = _moving(beliefs, group, part)
+    if not 4 <= len(moving) <= MOST:
+        return
+    alike, factor = _compared(count[part], [beliefs[at].channel.values[part] for at in moving])
     best = np.argmax(alike, axis=1)
     mutual = np.argmax(alike, axis=0)[best] == np.arange(len(best))
     sure = mutual & (alike.max(axis=1) >= SURELY_ALIKE)
@@ -97,8 +102,16 @@ def find_rate(beliefs: list[Belief], group: list[int]) -> None:
     set_rate(beliefs, group, rate)
 
 
-def _moving(beliefs: list[Belief], group: list[int]) -> list[int]:
-    """Return the channels that may be positions or their derivatives."""
+def _longest(time: Numbers, channel: Channel) -> slice:
+    """Return the samples that are compared: the longest trial, or part of one clock, of a log."""
+    parts = stretches(time, [at for _, at in channel.trials])
+    return max(parts, key=lambda part: part.stop - part.start)
+
+
+def _moving(beliefs: list[Belief], group: list[int], part: slice) -> list[int]:
+    """Return the channels that may be positions or their derivatives, and have such samples."""
+    if part.stop - part.start < FEWEST:
+        return []
     return [
         at
         for at in group
@@ -110,25 +123,20 @@ def _moving(beliefs: list[Belief], group: list[int]) -> list[int]:
                 and is_nameless(beliefs[at].channel)
             )
         )
-        and np.mean(np.isfinite(beliefs[at].channel.values)) > MOSTLY
+        and np.mean(np.isfinite(beliefs[at].channel.values[part])) > MOSTLY
     ]
 
 
-def _compared(time: Numbers, channels: Sequence[Channel]) -> tuple[Numbers, Numbers]:
+def _compared(time: Numbers, values: Sequence[Numbers]) -> tuple[Numbers, Numbers]:
     """Return how alike the derivative of each signal and every other are, and their factor.
-
-    Of several trials, and of a clock that begins anew, the longest is compared.
 
     Args:
         time: s, shape (n,).
-        channels: signals, (n,) each.
+        values: signals, (n,) each; NaN where a sample is missing.
 
     Returns:
         Correlations and factors, shape (signals, signals): row i has the derivative of signal i.
     """
-    begins = [at for _, at in channels[0].trials]
-    longest = max(stretches(time, begins), key=lambda part: part.stop - part.start)
-    time, values = time[longest], [channel.values[longest] for channel in channels]
     even = np.linspace(np.nanmin(time), np.nanmax(time), len(time))
     order = np.argsort(time, kind="stable")
     columns = []
@@ -170,9 +178,11 @@ def _name_chain(beliefs: list[Belief], start: int) -> None:
 def _settle_units(beliefs: list[Belief], chain: list[int]) -> None:
     """Tell degrees from radians by the factor between a position and its velocity."""
     position, velocity = beliefs[chain[0]], beliefs[chain[1]]
-    assert position.channel.time is not None
-    pair = [position.channel, velocity.channel]
-    factor = _compared(position.channel.time, pair)[1][0, 1]
+    time = position.channel.time
+    assert time is not None
+    part = _longest(time, position.channel)
+    pair = [position.channel.values[part], velocity.channel.values[part]]
+    factor = _compared(time[part], pair)[1][0, 1]
     unit = next(u for u in FACTORS if abs(factor / u[0] - 1.0) <= FACTOR_TOLERANCE)
     if unit[1]:
         beliefs[chain[0]] = replace(position, unit=unit[1])

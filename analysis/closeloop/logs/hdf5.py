@@ -36,16 +36,24 @@ def read(path: Path, *, kind: str = "HDF5") -> Log:
                 if size > MAX_NUMBERS:
                     what = f"declares {size} numbers; at most {MAX_NUMBERS}"
                     raise SessionError(what, file=path.name)
-                unit = item.attrs.get("unit", item.attrs.get("units"))
-                if isinstance(unit, str) and unit:
-                    # A path has its slashes for places.
-                    name = f"{name} [{unit.replace('/', '_')}]"
-                arrays.append((name, item[()]))
+                unit = _unit(item)
+                arrays.append((f"{name} [{unit}]" if unit else name, item[()]))
     except SessionError:
         raise
     except (OSError, RuntimeError, ValueError) as error:
         raise SessionError(f"is a damaged {kind} file: {error}", file=path.name) from None
     return log_of(kind, arrays)
+
+
+def _unit(item: Any) -> str:
+    """Return the unit that a data set's attributes say, empty if none, for the end of its path.
+
+    It is deg_s for deg/s: what is after a slash would be another part of the path.
+    """
+    unit = item.attrs.get("unit", item.attrs.get("units"))
+    # Programs in C write text of a fixed length.
+    unit = unit.decode(errors="replace") if isinstance(unit, bytes) else unit
+    return unit.strip().replace("/", "_") if isinstance(unit, str) else ""
 
 
 def _datasets(item: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Any]]:

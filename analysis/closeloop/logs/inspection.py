@@ -11,7 +11,15 @@ from math import pi
 
 import numpy as np
 
-from analysis.closeloop.logs.belief import Belief, by_name, desired, held, without_own_words
+from analysis.closeloop.logs.belief import (
+    BY_NAME,
+    BY_UNIT,
+    Belief,
+    by_name,
+    desired,
+    held,
+    without_words_of_quantities,
+)
 from analysis.closeloop.logs.clock import find_clock, set_rate
 from analysis.closeloop.logs.derivatives import find_derivatives, find_rate
 from analysis.closeloop.logs.log import Log
@@ -31,7 +39,8 @@ def believe(log: Log, rate_hz: float | None = None) -> list[Belief]:
         log: what a file holds.
         rate_hz: at which channels without a clock were recorded, if that is known.
     """
-    beliefs = without_own_words(desired([by_name(channel) for channel in log.channels]))
+    named = desired([by_name(channel) for channel in log.channels])
+    beliefs = without_words_of_quantities(named)
     groups: dict[object, list[int]] = {}
     for at, belief in enumerate(beliefs):
         time = belief.channel.time
@@ -120,7 +129,7 @@ def _find_blocks(beliefs: list[Belief]) -> None:
     Such logs hold all positions, then all velocities, then torques or currents, joint by joint: the
     distance between a position and its velocity is the number of joints.
     """
-    if any(b.why.startswith("by its ") for b in beliefs):
+    if any(b.why in (BY_NAME, BY_UNIT) for b in beliefs):
         return
     position = [at for at, b in enumerate(beliefs) if b.quantity == "position"]
     velocity = [at for at, b in enumerate(beliefs) if b.quantity == "velocity"]

@@ -43,30 +43,14 @@ def _arrays(content: Any, path: str) -> Iterator[tuple[str, np.ndarray]]:
             parent, slash, _ = path.rpartition("/")
             yield f"{parent}{slash}{named[0]}", named[1]
             return
-    elif _is_cell(content):
+    elif isinstance(content, np.ndarray) and content.dtype.kind == "O":
         fields = {str(number): value for number, value in enumerate(content.flat, start=1)}
     else:
         if isinstance(content, np.ndarray) and content.dtype.kind in "fiub":
             yield path, content
         return
-    cells = {
-        key: value
-        for key, value in fields.items()
-        if _is_cell(value) and all(isinstance(element, np.ndarray) for element in value.flat)
-    }
-    if len(cells) > 1 and len({value.size for value in cells.values()}) == 1:
-        # Elements of cells side by side belong together as those of a structure: t{2} and q{2}.
-        size = next(iter(cells.values())).size
-        elements = {
-            str(at + 1): {key: value.flat[at] for key, value in cells.items()} for at in range(size)
-        }
-        fields = {key: value for key, value in fields.items() if key not in cells} | elements
     for key, value in fields.items():
         yield from _arrays(value, f"{path}/{key}" if path else key)
-
-
-def _is_cell(content: Any) -> bool:
-    return isinstance(content, np.ndarray) and content.dtype.kind == "O"
 
 
 def _signal(fields: Mapping[str, Any]) -> tuple[str, np.ndarray] | None:

@@ -19,9 +19,12 @@ from analysis.closeloop.logs.units import unit_of
 SEPARATORS = (";", "\t", "|", ",")
 COMMENTS = ("#", "%", "//")
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*")
-UNITS = re.compile(r"[\[(]?[A-Za-zµ°%/·^²0-9 .-]{0,10}[\])]?")
+#: What a cell with a unit looks like.
+UNIT_CELL = re.compile(r"[\[(]?[A-Za-zµ°%/·^²0-9 .-]{0,10}[\])]?")
 #: What stands where a sample is missing.
 MISSING = ("", "-", "--", "n/a", "na", "#n/a", "null", "none")
+#: What MATLAB ends a duration in.
+DURATION = " sec"
 #: The time of a day, which may stand after a date.
 STAMP = re.compile(r"(?P<date>[\d./-]{8,10}[ T])?(?P<time>\d{1,2}:\d\d:\d\d.*)")
 #: Lines from the middle of a file by which its columns are told, and those that may be a header.
@@ -77,7 +80,7 @@ def read(path: Path) -> Log:
         if sum(number is not None for number in numbers) >= 2:
             values = np.array([np.nan if n is None else n for n in numbers], dtype=float)
             values[np.isinf(values)] = np.nan
-            stamps = any(":" in cell or cell.endswith(" sec") for cell in column[:LINES])
+            stamps = any(":" in cell or cell.endswith(DURATION) for cell in column[:LINES])
             log.channels.append(Channel(name=name, values=values, unit="s" if stamps else None))
         else:
             log.remarks.append(f"{name} holds no numbers and was left out")
@@ -168,7 +171,7 @@ def _is_units(row: Sequence[str]) -> bool:
     """Whether a row's cells are units: all short, and one of them known."""
     cells = [cell.strip() for cell in row if cell.strip()]
     known = any(unit_of(cell.strip("[]()")) for cell in cells)
-    return known and all(UNITS.fullmatch(cell) for cell in cells)
+    return known and all(UNIT_CELL.fullmatch(cell) for cell in cells)
 
 
 def _decoded(path: Path, log: Log) -> str:
@@ -213,5 +216,4 @@ def _number(cell: str) -> float | None:
         except ValueError:
             return None
         return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
-    # As MATLAB writes a duration.
-    return _number(cell.removesuffix(" sec")) if cell.endswith(" sec") else None
+    return _number(cell.removesuffix(DURATION)) if cell.endswith(DURATION) else None

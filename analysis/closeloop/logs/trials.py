@@ -22,20 +22,19 @@ PARTS = {
     *("joint", "axis", "motor", "drive", "link", "sensor", "imu", "plate", "marker", "channel"),
     *("device", "j"),
 }
-#: Channels of one place in a file, by place and by name within it.
+#: Channels by their place in a file, `run_1`, and by name within it.
 Places = dict[str, dict[str, Channel]]
 
 
 def join_trials(log: Log) -> None:
     """Join the signals that a log has once for each trial, in place; names are paths with `/`.
 
-    Those with numbers for names are trials if each has a clock of its own, or if they are called
-    so; others, if also their clocks differ.
+    Places with numbers in their names are trials if each has a clock, or if they are called so;
+    others, if each has a clock that no other has, a position and an effort.
     """
     while (found := _trials_in(log.channels)) is not None:
         parent, places = found
-        first, *others = places.values()
-        common = [name for name in first if all(name in other for other in others)]
+        common = _common(places)
         gone = {channel.name for place in places.values() for channel in place.values()}
         left = [
             channel.name
@@ -63,9 +62,16 @@ def join_trials(log: Log) -> None:
         ]
 
 
+def _common(places: Places) -> list[str]:
+    """Return the names that all places have."""
+    first, *others = places.values()
+    return [name for name in first if all(name in other for other in others)]
+
+
 def _named(path: str) -> str:
-    """Return a name for a column of matrices that have none."""
-    return f"column {int(path[1:-1]) + 1}" if path.startswith("[") else path
+    """Return the path of a channel; a column of matrices without a name is `column 3`."""
+    column = re.fullmatch(r"\[(\d+)\]", path)
+    return f"column {int(column[1]) + 1}" if column else path
 
 
 def _trials_in(channels: Sequence[Channel]) -> tuple[str, Places] | None:
@@ -95,18 +101,18 @@ def _are_trials(parent: str, kind: str, places: Places) -> bool:
         kind: their name with # for its numbers; empty if they have none.
         places: the places.
     """
-    first, *others = places.values()
-    common = [name for name in first if all(name in other for other in others)]
+    common = _common(places)
     # What has only numbers for names is called by what it is in.
     name = " ".join([_label(parent, place) for place in places]).lower()
     words = {form for word in re.findall("[a-z]+", name) for form in (word, word.removesuffix("s"))}
-    if not others or not common or words & PARTS:
+    if len(places) < 2 or not common or words & PARTS:
         return False
     if kind and words & TRIALS:
         return True
     clocks = [_clock([place[name] for name in common]) for place in places.values()]
     if kind or None in clocks:
         return None not in clocks
+    first = next(iter(places.values()))
     quantities = {by_name(first[name]).quantity for name in common}
     return {"position", "effort"} <= quantities and len({*clocks}) == len(clocks)
 

@@ -87,7 +87,7 @@ def unit_of(text: str) -> str | None:
     return None if len(text) == 1 and text.isascii() else found
 
 
-def parted(name: str) -> tuple[str, str | None, bool]:
+def split_unit(name: str) -> tuple[str, str | None, bool]:
     """Return a channel's name without its unit, the unit, and whether it can be nothing else.
 
     The unit stands in brackets, or at the end after a mark. There a single letter may be the name

@@ -8,16 +8,9 @@ import pytest
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
-from analysis.closeloop.logs.draft import (
-    assigned,
-    joint_names,
-    joints_in,
-    of_currents,
-    of_only_joint,
-    of_other_joints,
-    write_session,
-)
+from analysis.closeloop.logs.draft import assigned, of_currents, write_session
 from analysis.closeloop.logs.inspection import believe
+from analysis.closeloop.logs.joints import joint_names, joints_in, of_only_joint, of_other_joints
 from analysis.closeloop.logs.log import Channel, Log
 
 TIME = np.arange(0.0, 4.0, 0.01)

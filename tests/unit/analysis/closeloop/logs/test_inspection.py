@@ -7,8 +7,8 @@ import pytest
 
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.clock import clock_of
-from analysis.closeloop.logs.draft import joint_names
 from analysis.closeloop.logs.inspection import believe, of_rates
+from analysis.closeloop.logs.joints import joint_names
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.reading import read_log
 

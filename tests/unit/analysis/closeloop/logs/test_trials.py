@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.clock import stretches
-from analysis.closeloop.logs.draft import joint_names, write_session
+from analysis.closeloop.logs.draft import write_session
+from analysis.closeloop.logs.hdf5 import read as read_hdf5
 from analysis.closeloop.logs.inspection import believe
+from analysis.closeloop.logs.joints import joint_names
 from analysis.closeloop.logs.log import Log
 from analysis.closeloop.logs.reading import read_log
 
@@ -80,6 +83,28 @@ def test_a_velocity_is_told_by_physics_in_trials_as_in_one(tmp_path: Path) -> No
     assert (found["x"].quantity, found["x"].joint) == ("velocity", found["angle"].joint)
 
 
+@pytest.mark.parametrize("rate_hz", [None, 100.0])
+def test_trials_too_short_or_without_numbers_are_not_compared(rate_hz: float | None) -> None:
+    """Both ended in a traceback; of all trials together the samples are enough."""
+    names = ("q1", "q2", "dq1", "dq2")
+    short = [(f"trial{n}/{name}", np.sin(np.arange(5.0) + n)) for n in range(20) for name in names]
+    assert len(believe(log_of("HDF5", short), rate_hz)) == 4
+    lengths = {"trial1": 400, "trial2": 300, "trial3": 300}
+    arrays = {f"{at}/{name}": np.sin(np.arange(n)) for at, n in lengths.items() for name in names}
+    arrays["trial1/dq2"] = np.full(400, np.nan)
+    assert len(believe(log_of("HDF5", arrays.items()), rate_hz)) == 4
+
+
+def test_many_short_trials_have_a_clock(tmp_path: Path) -> None:
+    """It began anew too often to be one."""
+    time = 0.01 * np.arange(20)
+    signals = {"time": time, "q": np.sin(time), "torque": np.cos(time)}
+    arrays = {f"trial{n}/{name}": array for n in range(9) for name, array in signals.items()}
+    told, tables, _ = session_of(log_of("HDF5", arrays.items()), tmp_path / "session")
+    assert [trial["label"] for trial in told] == [f"trial{n}" for n in range(9)]
+    assert {len(table) for table in tables} == {20}
+
+
 def test_groups_with_other_names_are_trials_if_their_clocks_differ(tmp_path: Path) -> None:
     names = ("slow", "fast", "low")
     log = hdf5(tmp_path, dict(zip(names, trials(), strict=True)))
@@ -134,8 +159,27 @@ def test_cells_side_by_side_are_trials(tmp_path: Path) -> None:
     for number, trial in enumerate(trials()):
         for name, values in trial.items():
             cells[name][number] = values
-    told, _, _ = session_of(matlab(tmp_path, **cells), tmp_path / "session")
+    told, tables, _ = session_of(matlab(tmp_path, **cells), tmp_path / "session")
     assert [trial["label"] for trial in told] == ["trial 1", "trial 2", "trial 3"]
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for name, cell in cells.items():
+            for number, values in enumerate(cell):
+                file[f"#refs#/{name}{number}"] = values[None, :]
+            file[name] = [file[f"#refs#/{name}{number}"].ref for number in range(3)]
+            file[name].attrs["MATLAB_class"] = np.bytes_("cell")
+    of_7_3 = read_hdf5(tmp_path / "log.h5", kind="MATLAB")
+    assert all(map(np.array_equal, tables, session_of(of_7_3, tmp_path / "7.3")[1]))
+
+
+def test_cells_within_a_cell_are_trials_in_its_order(tmp_path: Path) -> None:
+    """They were taken for cells side by side: all clocks for the first trial."""
+    outer = np.empty(3, dtype=object)
+    for number, trial in enumerate(trials()):
+        outer[number] = np.empty(len(trial), dtype=object)
+        outer[number][:] = [*trial.values()]
+    log = matlab(tmp_path, runs=outer)
+    assert log.channels[0].trials == (("runs 1", 0), ("runs 2", 300), ("runs 3", 720))
+    assert len(log.channels) == 4
 
 
 def test_trials_of_several_days_are_in_order(tmp_path: Path) -> None:
@@ -146,9 +190,15 @@ def test_trials_of_several_days_are_in_order(tmp_path: Path) -> None:
     ]
 
 
-def test_a_unit_beside_a_data_set_is_read(tmp_path: Path) -> None:
+def test_a_group_in_brackets_is_no_column_of_a_matrix(tmp_path: Path) -> None:
+    log = hdf5(tmp_path, {f"trial{n}/[arm]": trial for n, trial in enumerate(trials())})
+    assert log.channels[0].name == "[arm].angle"
+
+
+@pytest.mark.parametrize("kind", [str, np.bytes_])
+def test_a_unit_beside_a_data_set_is_read(tmp_path: Path, kind: type) -> None:
     with h5py.File(tmp_path / "log.h5", "w") as file:
-        for name, unit in (("q", "deg"), ("dq", "deg/s")):
+        for name, unit in (("q", kind("deg")), ("dq", kind("deg/s"))):
             file[name] = np.sin(np.arange(100.0))
             file[name].attrs["units"] = unit
     found = believe(read_log(tmp_path / "log.h5"))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.closeloop.logs.units import parted
+from analysis.closeloop.logs.units import split_unit
 
 
 @pytest.mark.parametrize(
@@ -29,15 +29,15 @@ from analysis.closeloop.logs.units import parted
     ],
 )
 def test_a_unit_is_read_however_it_is_written(name: str, unit: str) -> None:
-    assert parted(name)[1] == unit
+    assert split_unit(name)[1] == unit
 
 
 @pytest.mark.parametrize(
     "name", ["", "u_v", "q[0]", "temperature [°C]", "gradient", "joints/elbow/position"]
 )
 def test_what_is_no_unit_is_none(name: str) -> None:
-    assert parted(name) == (name, None, False)
+    assert split_unit(name) == (name, None, False)
 
 
 def test_a_name_of_any_length_is_read_at_once() -> None:
-    assert parted("_ [" * 100_000)[1] is None
+    assert split_unit("_ [" * 100_000)[1] is None

@@ -1,0 +1,93 @@
+"""What the joints of a log are called, and which joints of a robot's model they are."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs.belief import Belief
+from intake.xml import listed
+
+
+def joint_name(belief: Belief) -> str | None:
+    """Return the joint's name as the channel's has it; None if that is a number or nothing."""
+    joint, dot, quantity = belief.channel.name.rpartition(".")
+    if dot and quantity == belief.quantity and joint:
+        return joint
+    return belief.stem if belief.stem and not belief.stem.isdigit() else None
+
+
+def joint_names(beliefs: Sequence[Belief], known: Sequence[str] = ()) -> list[str]:
+    """Return the names of the log's joints in order: the log's own, else `known`, else numbers.
+
+    A name of the log's that ends as one of `known` alone does, but for marks, means that; where
+    log and model have a single joint, it is the same.
+    """
+    count = 1 + max((b.joint for b in beliefs if b.joint is not None), default=-1)
+    if count == len(known) == 1:
+        return list(known)
+    own = {b.joint: name for b in beliefs if b.joint is not None and (name := joint_name(b))}
+    spare = list(known) if len(known) == count else [f"joint_{n + 1}" for n in range(count)]
+    names = [own.get(number, spare[number]) for number in range(count)]
+    meant = [_meant(name, known) for name in names]
+    return [m if m and meant.count(m) == 1 else n for n, m in zip(names, meant, strict=True)]
+
+
+def _meant(name: str, known: Sequence[str]) -> str | None:
+    """Return the one of `known` that a name means; None if it is none or several."""
+    if name in known:
+        return name
+    plain = _plain(name)
+    alike = [other for other in known if _plain(other) and plain.endswith(_plain(other))]
+    longest = max((len(_plain(other)) for other in alike), default=0)
+    alike = [other for other in alike if len(_plain(other)) == longest]
+    # Or the one that stands in its middle as a word.
+    words = re.split(r"[\W_]+", name.lower())
+    alike = alike or [other for other in known if other.lower() in words]
+    return alike[0] if len(alike) == 1 else None
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\W_]", "", name).lower()
+
+
+def of_only_joint(beliefs: Sequence[Belief], known: Sequence[str]) -> list[str]:
+    """Say of a log's only joint that it is taken for the model's, if it has another name."""
+    own = joint_names(beliefs)
+    if len(own) != 1 or len(known) != 1 or not any(map(joint_name, beliefs)):
+        return []
+    if _meant(own[0], known):
+        return []
+    return [f"the log's only joint, {own[0]}, is taken for the model's, {known[0]}"]
+
+
+def of_other_joints(names: Sequence[str], known: Sequence[str]) -> list[str]:
+    """Say which joints of a log a model does not have."""
+    unknown = [name for name in names if name not in known]
+    if not known or not unknown:
+        return []
+    return [
+        f"the model has no joint {listed(unknown)}, but {listed(known)}: say "
+        "--as 'CHANNEL=JOINT.QUANTITY' of each channel"
+    ]
+
+
+def joints_in(model: Path) -> list[str]:
+    """Return the names of the hinges and slides of an MJCF or URDF file, in the file's order.
+
+    Raises:
+        SessionError: the file is no XML.
+    """
+    try:
+        root = ElementTree.parse(model).getroot()
+    except (ElementTree.ParseError, UnicodeDecodeError) as error:
+        raise SessionError(f"is no XML: {error}", file=model.name) from None
+    # A URDF names them again in its transmissions.
+    return list(
+        dict.fromkeys(
+            joint.get("name", "")
+            for joint in root.iter("joint")
+            if joint.get("name") and joint.get("type", "hinge") not in ("fixed", "free", "ball")
+        )
+    )
