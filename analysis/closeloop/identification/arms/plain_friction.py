@@ -10,7 +10,13 @@ other rises, and left-out rows miss neither alone.
 
 from dataclasses import replace
 
-from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
+from analysis.closeloop.identification.balance.luck import (
+    ALONE_Z,
+    LARGE_GAIN,
+    MIN_Z,
+    PAIR_Z,
+    more_than_luck,
+)
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -50,10 +56,12 @@ def with_peaked_friction(model: Model, rows: Rows) -> Model:
         own = rows.of_joint(joint)
         alone = one_joint(model, evaluate(model, rows).coefficients, joint)
         bare = alone.without(coulomb).without(Candidate(effect=PLAIN[0], joint=joint))
-        for laws in (PLAIN, PEAKED):
+        # A pair is the best of many, and little is an error of form.
+        for laws, share, errors in ((PLAIN, 0.0, MIN_Z), (PEAKED, LARGE_GAIN, PAIR_Z)):
             tried = _with(bare, own, joint, laws)
             worse, better = evaluate(alone, own).losses, evaluate(tried, own).losses
-            if more_than_luck(worse, better, own.fold_of_block):
+            enough = float((worse - better).sum()) > share * float(worse.sum())
+            if enough and more_than_luck(worse, better, own.fold_of_block, errors):
                 alone = tried
         others = tuple(term for term in model.terms if set(term.columns) != {joint})
         model = replace(model, terms=(*others, *alone.terms))
