@@ -98,7 +98,7 @@ def test_the_python_example_runs_to_its_last_line(fleet: WarmFleet) -> None:
     assert ran.returncode == 0, ran.stderr
     lines = ran.stdout.splitlines()
     assert lines[-2].startswith("upper_arm_mass {'value':") or lines[-2].startswith("forearm_mass")
-    assert any(line.endswith("of 64") for line in lines)
+    assert any(line.endswith("of 1024") for line in lines)
 
 
 def test_the_curl_lines_are_requests_the_coordinator_takes(fleet: WarmFleet) -> None:

@@ -53,7 +53,7 @@ def gain_of_all(model: Model, coefficients: np.ndarray, rows: Rows) -> float | N
 
     It cannot be told from links of that part of their declared mass.
     """
-    if not all((GAIN.name, joint) in _keys(model) for joint in rows.joints):
+    if len(rows.joints) < 2 or not {(GAIN.name, j) for j in rows.joints} <= _keys(model):
         return None
     gains = [gain(model, coefficients, joint) for joint in rows.joints]
     mean = float(np.mean(gains))
@@ -63,7 +63,7 @@ def gain_of_all(model: Model, coefficients: np.ndarray, rows: Rows) -> float | N
 def untold_gain(model: Model, coefficients: np.ndarray, rows: Rows) -> tuple[str, ...]:
     """Say what a gain of every joint may be."""
     found = gain_of_all(model, coefficients, rows)
-    if found is None or len(rows.joints) < 2:
+    if found is None:
         return ()
     return (
         f"every joint has a torque_gain of about {found:.2f}: efforts in another unit, currents "

@@ -13,8 +13,8 @@ from dataclasses import replace
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
     LARGE_GAIN,
-    MIN_Z,
     PAIR_Z,
+    least_gain,
     more_than_luck,
 )
 from analysis.closeloop.identification.balance.model import (
@@ -56,13 +56,16 @@ def with_peaked_friction(model: Model, rows: Rows) -> Model:
         own = rows.of_joint(joint)
         alone = one_joint(model, evaluate(model, rows).coefficients, joint)
         bare = alone.without(coulomb).without(Candidate(effect=PLAIN[0], joint=joint))
+        plain, peaked = (_with(bare, own, joint, laws) for laws in (PLAIN, PEAKED))
+        now, damped, both = (evaluate(m, own) for m in (alone, plain, peaked))
+        if more_than_luck(now.losses, damped.losses, own.fold_of_block):
+            alone = plain
         # A pair is the best of many, and little is an error of form.
-        for laws, share, errors in ((PLAIN, 0.0, MIN_Z), (PEAKED, LARGE_GAIN, PAIR_Z)):
-            tried = _with(bare, own, joint, laws)
-            worse, better = evaluate(alone, own).losses, evaluate(tried, own).losses
-            enough = float((worse - better).sum()) > share * float(worse.sum())
-            if enough and more_than_luck(worse, better, own.fold_of_block, errors):
-                alone = tried
+        best = min(now, damped, key=lambda score: score.loss)
+        least = max(LARGE_GAIN * best.loss, least_gain(own, joint, best.losses, both.losses))
+        enough = best.loss - both.loss > least
+        if enough and more_than_luck(best.losses, both.losses, own.fold_of_block, PAIR_Z):
+            alone = peaked
         others = tuple(term for term in model.terms if set(term.columns) != {joint})
         model = replace(model, terms=(*others, *alone.terms))
     return model

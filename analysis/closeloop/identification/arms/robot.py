@@ -35,7 +35,13 @@ from analysis.closeloop.identification.arms.plain_friction import (
 )
 from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
-from analysis.closeloop.identification.arms.zeros import ZERO, for_offsets, for_rare, with_zeros
+from analysis.closeloop.identification.arms.zeros import (
+    ZERO,
+    for_links,
+    for_offsets,
+    for_rare,
+    with_zeros,
+)
 from analysis.closeloop.identification.balance.declared import (
     declared_again,
     hung_again,
@@ -108,7 +114,7 @@ def _traced(
     model = with_ordinary(declared, rows)
     found: dict[tuple[str, int], Step] = {}
     progress("what the joints share")
-    model = with_share(with_zeros(model, rows, links), rows, links, links_free=links_free)
+    model = _with_shared(model, rows, links, links_free=links_free)
     model = hung_again(model, rows)
     progress("friction and inertia of every joint")
     model = with_gains(without_presliding(pruned(model, rows, links), rows), rows)
@@ -123,14 +129,19 @@ def _traced(
     if found:
         progress("all joints together")
         bare = with_ordinary(model.keeping(lambda c: c.effect.name not in SHARED), rows)
-        bare = with_zeros(bare, rows, links)
-        again = pruned(with_share(bare, rows, links, links_free=links_free), rows, links)
+        again = pruned(_with_shared(bare, rows, links, links_free=links_free), rows, links)
         again = with_gains(again, rows)
         model = pruned(model, rows, links)
         gain, error = compare(evaluate(model, rows).losses, evaluate(again, rows).losses)
         if gain > error or (gain > -error and len(again.effects) < len(model.effects)):
             model = again
-    return _grown(with_plain_friction(model, rows), rows, found)
+    return _grown(placed(with_plain_friction(model, rows), rows), rows, found)
+
+
+def _with_shared(model: Model, rows: Rows, links: Links, *, links_free: bool) -> Model:
+    """Add what joints share: wrong zeros, then a payload or other links, or both for the last."""
+    model = with_share(with_zeros(model, rows, links), rows, links, links_free=links_free)
+    return for_links(model, rows, links)
 
 
 def weighed(declared: Model, rows: Rows) -> Rows:

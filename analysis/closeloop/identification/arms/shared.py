@@ -6,8 +6,7 @@ import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED, shared_by_joints, sure
 from analysis.closeloop.identification.arms.links import Links
-from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
-from analysis.closeloop.identification.balance.declared import PLACED
+from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit, loaded
 from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import (
     Candidate,
@@ -21,9 +20,8 @@ from analysis.closeloop.identification.balance.model import (
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.nameable import lowest
 from analysis.closeloop.identification.winding import with_winding
-from analysis.closeloop.session.link_torque import carriers
 from sim.effects.catalogue import BY_NAME
-from sim.effects.laws.inertia import PLACE, LinkInertia
+from sim.effects.laws.inertia import LinkInertia
 
 LINKS = LinkInertia()
 GAIN, INERTIA = BY_NAME["torque_gain"], BY_NAME["added_inertia"]
@@ -54,7 +52,7 @@ def with_share(model: Model, rows: Rows, links: Links, *, links_free: bool) -> M
     if best is not None and load_wins:
         further = best.loss - block.loss > MIN_LATER_GAIN * best.loss
         if not (block_wins and further and sure(best.losses, block.losses, rows.fold_of_block)):
-            return _loaded(model, rows, links, best)
+            return loaded(model, rows, links, best)
     if not block_wins:
         return model
     return _one_gain(model, rows, links, block) or with_links(model, links, block.links)
@@ -88,27 +86,6 @@ def _one_gain(model: Model, rows: Rows, links: Links, block: Fitted) -> Model | 
             with_it = with_independent(rest, term, rows)
         model = with_it
     return model
-
-
-def _loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
-    """Add the payload of a fit as a term."""
-    assert load.link is not None and load.place is not None
-    recording = model.recording
-    chain = recording.device.model
-    joint = carriers(chain, links.bodies[load.link])[0]
-    theta = dict(zip(PLACE, load.place.tolist(), strict=True))
-    term = Term(
-        effect=PLACED,
-        joint=joint,
-        columns=PLACED.columns(unfitted(recording, joint), theta),
-        lower=PLACED.lower,
-        theta=theta,
-        candidate=Candidate(effect=PLACED, joint=joint),
-    )
-    *others, hung = with_independent(model, term, rows).terms
-    told = (0, *(axis + 1 for axis in load.told))
-    kept = tuple(column for column in hung.kept if column in told)
-    return replace(model, terms=(*others, replace(hung, kept=kept)))
 
 
 def with_links(model: Model, links: Links, change: np.ndarray) -> Model:

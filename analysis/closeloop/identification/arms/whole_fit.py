@@ -24,12 +24,16 @@ from analysis.closeloop.identification.balance.least_squares import (
     sums_of_others,
 )
 from analysis.closeloop.identification.balance.model import (
+    Candidate,
     Model,
+    Term,
     kept_columns,
+    unfitted,
+    with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.session.link_torque import carriers
-from sim.effects.laws.inertia import LEAST_LOAD, MOST_LOAD
+from sim.effects.laws.inertia import LEAST_LOAD, MOST_LOAD, PLACE
 from sim.effects.rigid import point_mass, point_mass_slopes
 
 #: How much more than one second's rows the declared links may count, firmest first.
@@ -272,3 +276,24 @@ class WholeFit:
             left=residual,
             losses=np.bincount(self.rows.block, residual**2),
         )
+
+
+def loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
+    """Add the payload of a fit as a term."""
+    assert load.link is not None and load.place is not None
+    recording = model.recording
+    chain = recording.device.model
+    joint = carriers(chain, links.bodies[load.link])[0]
+    theta = dict(zip(PLACE, load.place.tolist(), strict=True))
+    term = Term(
+        effect=PLACED,
+        joint=joint,
+        columns=PLACED.columns(unfitted(recording, joint), theta),
+        lower=PLACED.lower,
+        theta=theta,
+        candidate=Candidate(effect=PLACED, joint=joint),
+    )
+    *others, hung = with_independent(model, term, rows).terms
+    told = (0, *(axis + 1 for axis in load.told))
+    kept = tuple(column for column in hung.kept if column in told)
+    return replace(model, terms=(*others, replace(hung, kept=kept)))

@@ -1,11 +1,20 @@
 """Wrong zeros of encoders: the links are elsewhere than thought, which every joint feels."""
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 
 from analysis.closeloop.identification.arms.agreed import better_for_all, shared_by_joints
 from analysis.closeloop.identification.arms.links import Links
-from analysis.closeloop.identification.arms.whole_fit import WholeFit
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.arms.whole_fit import WholeFit, loaded
+from analysis.closeloop.identification.balance.declared import placed
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    Term,
+    evaluate,
+    unfitted,
+    with_independent,
+)
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
 from analysis.closeloop.identification.candidates import tried_alone
 from sim.effects.catalogue import BY_NAME
@@ -13,6 +22,8 @@ from sim.effects.catalogue import BY_NAME
 ZERO = BY_NAME["position_offset"]
 #: What a zero does where a trial moves one joint and holds the others.
 IMITATE = ("torque_offset", "torque_gain", "added_inertia")
+#: A zero to begin with, rad or m.
+LITTLE = 1e-3
 
 
 def with_zeros(model: Model, rows: Rows, links: Links) -> Model:
@@ -49,6 +60,41 @@ def for_offsets(model: Model, rows: Rows) -> Model:
     return best if better > (error if len(gone) == 1 else -error) else model
 
 
+def for_links(model: Model, rows: Rows, links: Links) -> Model:
+    """Put a payload and a wrong zero in the place of other links, if they predict as well.
+
+    Neither explains much while the other is missing, and ten parameters a link do most of what
+    both do.
+    """
+    if model.given is None:
+        return model
+    bare = replace(model, given=None)
+    block = WholeFit(bare, rows, links).with_links(range(len(bare.terms)))
+    found = list(_loads_and_zeros(bare, rows, links))
+    if not found:
+        return model
+    best, score = min(found, key=lambda pair: pair[1].loss)
+    lost, error = compare(score.losses, block.losses)
+    return best if lost <= error else model
+
+
+def _loads_and_zeros(model: Model, rows: Rows, links: Links) -> Iterator[tuple[Model, Score]]:
+    """Yield the model with a wrong zero of each joint that has none yet, and the best payload."""
+    for zero in _missing(model, rows):
+        # A little one, which goes to its place beside the load.
+        joint, theta = unfitted(model.recording, zero.joint), {"offset": LITTLE}
+        columns = ZERO.columns(joint, theta)
+        term = Term(effect=ZERO, joint=zero.joint, columns=columns, theta=theta, candidate=zero)
+        loads = WholeFit(with_independent(model, term, rows), rows, links).loads()
+        if not loads:
+            continue
+        best = min(loads, key=lambda load: load.loss)
+        found = tried_alone(loaded(model, rows, links, best), rows, zero)
+        if found is not None:
+            beside = placed(found[0], rows)
+            yield beside, evaluate(beside, rows)
+
+
 def for_rare(model: Model, rows: Rows, rare: Collection[tuple[str, int]]) -> Model:
     """Put a wrong zero in the place of what is rare at one joint, if left-out groups prefer it.
 
@@ -67,12 +113,17 @@ def for_rare(model: Model, rows: Rows, rare: Collection[tuple[str, int]]) -> Mod
 
 def _zeros(model: Model, rows: Rows) -> Iterator[tuple[Model, Score]]:
     """Yield the model with a wrong zero of each joint that has none yet."""
-    recording = model.recording
+    for zero in _missing(model, rows):
+        found = tried_alone(model, rows, zero)
+        if found is not None:
+            beside = placed(found[0], rows)
+            yield beside, evaluate(beside, rows)
+
+
+def _missing(model: Model, rows: Rows) -> Iterator[Candidate]:
+    """Yield a wrong zero of each joint that has none yet."""
     there = model.declared | {candidate.key for candidate in model.effects}
     for joint in rows.joints:
         zero = Candidate(effect=ZERO, joint=joint)
-        if zero.key in there:
-            continue
-        found = tried_alone(model, rows, zero) if ZERO.applies(recording, joint) else None
-        if found is not None:
-            yield found
+        if zero.key not in there and ZERO.applies(model.recording, joint):
+            yield zero

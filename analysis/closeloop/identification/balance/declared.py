@@ -18,12 +18,13 @@ from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.link_torque import carriers
 from analysis.closeloop.session.recording import Recording
-from sim.effects.catalogue import law_of
+from sim.effects.catalogue import BY_NAME, law_of
 from sim.effects.effect import Columns, Effect, Theta
 from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns
 from sim.effects.rigid import point_mass
 
 PLACED = PlacedPayload()
+ZERO = BY_NAME["position_offset"]
 #: Gauss-Newton steps that bring payloads to their places, and when that is done, m.
 PLACE_STEPS, PLACE_TOLERANCE = 12, 1e-4
 #: What the second beginning has to leave, over what the first leaves: the same place found twice
@@ -234,7 +235,11 @@ def _likeliest(model: Model, rows: Rows, load: HungLoad, joint: int) -> np.ndarr
 
 
 def placed(model: Model, rows: Rows) -> Model:
-    """Return the model with every payload where the fit says it hangs, by Gauss-Newton."""
+    """Return the model with every payload where the fit says it hangs, by Gauss-Newton.
+
+    And with every wrong zero of a robot where the fit says it is: its torque is a secant over the
+    zero itself, and next to another one the size that is fitted is another's.
+    """
     for _ in range(PLACE_STEPS):
         longest = 0.0
         terms = []
@@ -243,6 +248,11 @@ def placed(model: Model, rows: Rows) -> Model:
                 step = term.effect.way(dict(zip(term.kept, own.tolist(), strict=True)))
                 longest = max(longest, float(np.linalg.norm(step)))
                 term = _moved_by(model.recording, term, step)
+            elif term.effect is ZERO and term.joint not in model.recording.limbs:
+                longest = max(longest, abs(float(own[0]) - term.theta["offset"]))
+                theta = {"offset": float(own[0])}
+                columns = ZERO.columns(unfitted(model.recording, term.joint), theta)
+                term = replace(term, theta=theta, columns=columns)
             terms.append(term)
         if longest < PLACE_TOLERANCE:
             break

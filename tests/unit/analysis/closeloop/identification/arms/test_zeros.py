@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms.gains import with_gains
-from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.links import last_links, links_of
 from analysis.closeloop.identification.arms.robot import (
     pruned,
     traced_robot,
@@ -18,6 +18,7 @@ from analysis.closeloop.identification.arms.shared import with_links
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.arms.zeros import (
     IMITATE,
+    for_links,
     for_offsets,
     for_rare,
     with_zeros,
@@ -33,11 +34,13 @@ from analysis.closeloop.identification.balance.model import (
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
+from sim.effects.rigid import point_mass
 from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 from tests.testbed.sessions.upright import joint_by_joint
 
 ZERO = "position_offset"
+SHOULDER = 0
 
 
 def arm_of(effort: np.ndarray, still: Recording) -> Recording:
@@ -158,3 +161,29 @@ def test_a_zero_stands_for_what_is_rare_at_one_joint_if_all_go_better_with_it(sl
     assert zeros == (set() if slack else {ELBOW}) and (rare in model.effects) == slack
     # What was there before, or declared, is not in question.
     assert for_rare(found, rows, []) is found
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_a_payload_and_a_wrong_zero_stand_for_links_that_do_what_both_do(both: bool) -> None:
+    """Neither explains much while the other is missing, and ten parameters a link do most."""
+    still = rich_recording(20)
+    effort, zero, place = np.array(still.inverse), 0.08, np.array([0.15, 0.0, 0.05])
+    if both:
+        (body,) = last_links(still)
+        effort += 0.5 * (still.link_torque(body) @ point_mass(place))
+        effort -= zero * still.secant(SHOULDER, -zero, moving=True)
+    else:
+        away = np.array([0.1, 0.0, -0.15])
+        effort += sum(0.4 * still.mass_torque(joint, away) for joint in still.joints)
+    arm = arm_of(effort, still)
+    rows, links = weighed(Model(arm), select_rows(arm, (0,))), links_of(arm)
+    plain = with_ordinary(Model(arm), rows)
+    free = WholeFit(plain, rows, links).with_links(range(len(plain.terms)))
+    model = for_links(with_links(plain, links, free.links), rows, links)
+    terms = {t.candidate.key: t for t in model.terms if t.candidate and t not in plain.terms}
+    assert (model.given is None) == both
+    assert set(terms) == ({("payload", ELBOW), (ZERO, SHOULDER)} if both else set())
+    if both:
+        # The secant is over the zero itself, and the load is where it hangs.
+        assert terms[ZERO, SHOULDER].theta["offset"] == pytest.approx(zero, rel=0.05)
+        assert terms["payload", ELBOW].theta["position_x"] == pytest.approx(0.15, abs=0.002)
