@@ -39,7 +39,11 @@ def to_sample(engine: Engine, called: str) -> ModelVersion:
         found = models.find(connection, called)
         if found is None:
             known = ", ".join(model.name for model in models.every(connection))
-            raise InvalidStudyError("/model", f"unknown model {called!r}: expected one of {known}")
+            raise InvalidStudyError(
+                "/model",
+                f"unknown model {called!r}: expected one of {known}; one of your own is added "
+                "first (rehyb model add DIR)",
+            )
     return found
 
 

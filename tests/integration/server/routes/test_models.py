@@ -215,6 +215,7 @@ def test_a_name_of_rehyb_and_a_model_that_is_not_there_are_refused(
     answer = client.post("/v1/studies", json=body)
     assert (answer.status_code, answer.json()["pointer"]) == (422, "/model")
     assert "expected one of" in answer.json()["detail"]
+    assert answer.json()["detail"].endswith("is added first (rehyb model add DIR)")
 
 
 def test_names_that_clash_with_columns_of_results_are_refused_unless_they_were_kept(
