@@ -61,7 +61,7 @@ def for_offsets(model: Model, rows: Rows) -> Model:
 
 
 def for_links(model: Model, rows: Rows, links: Links) -> Model:
-    """Put a payload and a wrong zero in the place of other links, if they predict as well.
+    """Put a payload and a wrong zero in the place of other links, if they predict better.
 
     Neither explains much while the other is missing, and ten parameters a link do most of what
     both do.
@@ -74,8 +74,7 @@ def for_links(model: Model, rows: Rows, links: Links) -> Model:
     if not found:
         return model
     best, score = min(found, key=lambda pair: pair[1].loss)
-    lost, error = compare(score.losses, block.losses)
-    return best if lost <= error else model
+    return best if score.loss < block.loss else model
 
 
 def _loads_and_zeros(model: Model, rows: Rows, links: Links) -> Iterator[tuple[Model, Score]]:

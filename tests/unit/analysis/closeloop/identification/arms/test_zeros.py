@@ -180,7 +180,8 @@ def test_a_payload_and_a_wrong_zero_stand_for_links_that_do_what_both_do(both: b
     plain = with_ordinary(Model(arm), rows)
     free = WholeFit(plain, rows, links).with_links(range(len(plain.terms)))
     model = for_links(with_links(plain, links, free.links), rows, links)
-    terms = {t.candidate.key: t for t in model.terms if t.candidate and t not in plain.terms}
+    added = [t for t in model.terms if t.candidate and t.candidate not in plain.effects]
+    terms = {t.at.key: t for t in added}
     assert (model.given is None) == both
     assert set(terms) == ({("payload", ELBOW), (ZERO, SHOULDER)} if both else set())
     if both:
