@@ -35,11 +35,11 @@ from analysis.closeloop.judgement.holds import (
     AROUND,
     SHORTEST,
     STICTION,
-    away_events,
     rest_events,
     spread,
 )
 from analysis.closeloop.judgement.recurring import ELSEWHERE, Way, clock_of
+from analysis.closeloop.judgement.shoved import away_events, shoved_events
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import lowpass, rms
@@ -98,8 +98,9 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
         abrupt = 0.0 if moved is None else ABRUPT * upper_octave(recording, joint)
         others = sorted(expected.keys() - {joint})
         found += rest_events(recording, joint, friction.get(joint, 0.0), moved, abrupt, others)
-        if not expected:
-            # Where another joint moves, its reaction takes this one along.
+        if expected:
+            found += shoved_events(recording, joint, moved, others)
+        else:
             found += away_events(recording, joint)
     return tuple(sorted(_joined(found), key=lambda one: (one.begin, one.joint)))
 

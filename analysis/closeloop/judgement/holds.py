@@ -13,7 +13,7 @@ from scipy.stats import norm
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.recurring import Way, clock_of
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.runs import AWAY, MOVING, SHORT, runs
+from analysis.closeloop.session.runs import MOVING, SHORT, runs
 from analysis.closeloop.session.signals import last_digit
 
 #: Shortest event, s.
@@ -29,11 +29,6 @@ STICTION = 3.0
 OVER_NOISE = 4.0
 #: Time over which a resting joint's torque is compared with its own course, s.
 COURSE = 4.0
-#: A joint rests for so long before it is pushed, s, and moves so far within that time, over the
-#: noise of its position: the start of a trial, where it sags, is no push.
-BEFORE = 0.5
-#: Friction may keep it on the way back, but this share of the way it comes: what slips does not.
-RETURNS = 0.25
 #: What is left of a motion within a hold is no push below this share of the torque that the motion
 #: takes: a quick stretch that slowly comes back is a hold, too. (Set while looking at limb 36022 of
 #: the unkind bench, tuning seeds: 0.02.)
@@ -75,7 +70,7 @@ def rest_events(
     share = 2.0 * sampling.fit_cutoff / sampling.recorded if hardly else 1.0
     # Of each trial: where the joint moves, its effort's samples differ by more than their noise.
     noise = {
-        int(trial): _noise(recording.raw_effort(trial, joint), min(1.0, share))
+        int(trial): noise_of(recording.raw_effort(trial, joint), min(1.0, share))
         for trial in np.unique(recording.trial)
     }
     # Of a course that only falls or rises nothing stands out, and this is nothing.
@@ -133,7 +128,7 @@ def _courses(
     What another joint's motion does at this one is no push, nor is what its own takes. Of the first
     friction may take any part.
     """
-    needed = _needed(recording, joint)
+    needed = needed_by(recording, joint)
     for samples in _rests(recording, joint, still):
         effort = recording.effort[samples, joint]
         if len(samples) < recording.rate or np.isnan(effort).any():
@@ -171,69 +166,11 @@ def _answered(
     A share of what it takes. Where another joint's motion is felt by one whose friction is unknown,
     that keeps for a while what the motion left there: all of it.
     """
-    known = _needed(recording, joint) if expected is None else expected
+    known = needed_by(recording, joint) if expected is None else expected
     taken = np.abs(known - recording.static[:, joint])
     found = OF_MOTION * _around(recording, taken, AROUND)
     if beside and expected is None:
         found = np.maximum(found, _around(recording, taken, COURSE))
-    return found
-
-
-def away_events(recording: Recording, joint: int) -> Iterator[Event]:
-    """Yield where a joint of a still arm goes away against its motor, and comes back.
-
-    A push of a few times the effort's noise moves it by far more than its encoder's.
-
-    Args:
-        recording: all trials, in which no joint moves by itself.
-        joint: which.
-    """
-    trials = np.unique(recording.trial)
-    noise = max(_noise(recording.raw_position(trial, joint)) for trial in trials)
-    places = [recording.position[piece, joint] for piece in recording.slices]
-    usual = max(noise, quiet_spread(np.concatenate([own - np.median(own) for own in places])))
-    if usual <= 0.0:
-        return
-    # Of a joint that never moves by itself nothing can rub.
-    beyond = None if recording.still else recording.effort[:, joint] - _needed(recording, joint)
-    before, within = (int(seconds * recording.rate) for seconds in (BEFORE, AWAY))
-    for piece, place in zip(recording.slices, places, strict=True):
-        moves = np.abs(recording.velocity[piece, joint]) > PEAK * usual / BEFORE
-        torque = (recording.effort - recording.static)[piece, joint]
-        for run in _together(moves, within):
-            rested = slice(run.start - before, run.start)
-            ended = run.stop + before <= len(place)
-            if rested.start < 0 or not ended or run.stop - run.start > within:
-                continue
-            away = place[run] - np.median(place[rested])
-            push = torque[run] - np.median(torque[rested])
-            top = int(np.argmax(np.abs(away)))
-            back = abs(away[-1]) < (1.0 - RETURNS) * abs(away[top])
-            rubs = False
-            if beyond is not None:
-                beside = beyond[piece] - np.median(beyond[piece][rested])
-                rubs = _rubs(recording.velocity[piece, joint][run], beside[run])
-            # Of an effort that is not recorded nothing can be said.
-            if abs(away[top]) > PEAK * usual and back and away @ push < 0.0 and not rubs:
-                # It may creep back for seconds.
-                far = np.flatnonzero(np.abs(away) > RETURNS * abs(away[top]))
-                clock = recording.time[piece.start + run.start :]
-                yield Event(
-                    trial=int(recording.trial[piece.start]),
-                    joint=joint,
-                    begin=float(clock[far[0]]),
-                    end=float(clock[far[-1]]),
-                    peak=float(push[np.argmax(np.abs(push))]),
-                )
-
-
-def _together(marked: np.ndarray, within: int) -> list[slice]:
-    """Return runs of marked samples, those that follow each other within so many samples as one."""
-    found: list[slice] = []
-    for run in runs(marked):
-        if found and run.start - found[-1].stop < within:
-            run = slice(found.pop().start, run.stop)
-        found.append(run)
     return found
 
 
@@ -284,7 +221,10 @@ def _driven(away: np.ndarray, velocity: np.ndarray, beyond: np.ndarray) -> bool:
     """
     if np.abs(away).max() <= MOVING:
         return False
-    return bool(away @ beyond > 0.0) or _rubs(velocity, beyond)
+    # On the way back its motor works against friction, whoever moved it.
+    out = velocity * away > 0.0
+    out = out if out.any() else np.ones(len(out), dtype=bool)
+    return bool(away @ beyond > 0.0) or rubs(velocity[out], beyond[out])
 
 
 def _around(recording: Recording, torque: np.ndarray, seconds: float) -> np.ndarray:
@@ -294,12 +234,12 @@ def _around(recording: Recording, torque: np.ndarray, seconds: float) -> np.ndar
     return np.concatenate(pieces)
 
 
-def _needed(recording: Recording, joint: int) -> np.ndarray:
+def needed_by(recording: Recording, joint: int) -> np.ndarray:
     """Return what the declared chain needs at a joint, low-passed as the effort is, (n,)."""
     return recording.filtered(recording.rigid[:, [joint]])[:, 0]
 
 
-def _rubs(velocity: np.ndarray, beyond: np.ndarray) -> bool:
+def rubs(velocity: np.ndarray, beyond: np.ndarray) -> bool:
     """Whether a torque works against the motion throughout, as the friction that nothing shows yet.
 
     Who pushes a held joint away works along its motion, and against it where he lets it back.
@@ -312,7 +252,7 @@ def _rubs(velocity: np.ndarray, beyond: np.ndarray) -> bool:
     return bool(power.sum() > RUBS * np.abs(power).sum())
 
 
-def _noise(signal: np.ndarray | None, share: float = 1.0) -> float:
+def noise_of(signal: np.ndarray | None, share: float = 1.0) -> float:
     """Return the noise of a channel's samples, in its unit: what differs from one to the next.
 
     Of its power a low-pass leaves a share, as of white noise; of the last digit it leaves all.

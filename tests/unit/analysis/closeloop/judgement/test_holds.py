@@ -11,46 +11,12 @@ from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.events import find_events, spared
-from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import holds
 from analysis.closeloop.session.signals import last_digit
 from analysis.closeloop.signs import check_signs
+from tests.testbed.sessions.held import NOISE, RATE, TIME, bump, holding, with_effort
 from tests.testbed.sessions.moved import moved
-
-RATE, NOISE = 50.0, 0.05
-TIME = np.arange(int(20.0 * RATE)) / RATE
-
-
-def bump(begin: float, seconds: float) -> np.ndarray:
-    """Return a smooth rise and fall between 0 and 1, (n,)."""
-    inside = (begin < TIME) & (begin + seconds > TIME)
-    return np.where(inside, np.sin(np.pi * (TIME - begin) / seconds) ** 2, 0.0)
-
-
-def holding(
-    recording: Recording, away: np.ndarray, beyond: np.ndarray, sag: float = 0.2
-) -> Recording:
-    """Return a trial in which the elbow sags at first, is held then, and goes away from there.
-
-    Args:
-        recording: its device and session.
-        away: of the elbow from where it is held, rad, (n,).
-        beyond: effort beside what holding takes and noise, Nm, (n,).
-        sag: at the beginning, rad.
-    """
-    elbow = 1.0 + sag * np.exp(-((TIME / 0.3) ** 2)) + away
-    position = np.column_stack([np.zeros(len(TIME)), elbow])
-    recording = moved(recording, position, RATE)
-    noise = NOISE * np.random.default_rng(5).standard_normal(len(TIME))
-    raw = recording.static[:, 1] + noise + beyond
-    names = ("shoulder.position", "elbow.position", "elbow.effort")
-    columns = dict(zip(names, (*position.T, raw), strict=True))
-    trial = Trial(file="a.csv", label="a", group="a", role="fit", time=TIME, columns=columns)
-    effort = np.full_like(position, np.nan)
-    effort[:, 1] = recording.filtered(raw[:, None])[:, 0]
-    session = replace(recording.session, trials=(trial,))
-    return replace(recording, session=session, effort=effort, cache={})
 
 
 def test_a_push_that_moves_a_held_joint_is_found_with_its_time(recording: Recording) -> None:
@@ -158,37 +124,6 @@ def test_a_push_between_lost_samples_is_compared_with_the_whole_rest(
     assert all(12.0 < event.begin < 12.4 < event.end < 12.9 for event in events)
 
 
-@pytest.mark.parametrize(
-    ("against", "kept", "found"),
-    [(-1.0, 0.0, 1), (-1.0, 0.65, 1), (-1.0, 1.0, 0), (1.0, 0.0, 0)],
-    ids=["comes back", "friction keeps it", "slips", "its motor moves it"],
-)
-def test_a_push_below_the_effort_s_noise_shows_by_where_the_joint_goes(
-    recording: Recording, against: float, kept: float, found: int
-) -> None:
-    """It goes away against its motor and comes some of the way back: nothing else does that."""
-    rising = np.clip((TIME - 12.0) / 0.4, 0.0, 1.0)
-    falling = np.clip((TIME - 12.6) / 0.4, 0.0, 1.0)
-    way = 0.003 * (rising - (1.0 - kept) * falling)
-    weak = 0.8 * NOISE * (rising - falling)
-    still = replace(holding(recording, way, against * weak, sag=0.0), still=True)
-    events = find_events(Model(still), still)
-    assert len(events) == found
-    assert all(11.9 < event.begin < 12.2 < 12.8 < event.end < 13.2 for event in events)
-
-
-def test_a_joint_that_another_one_takes_along_is_not_pushed(recording: Recording) -> None:
-    """The shoulder swings, and the elbow gives way now and then, its controller against it."""
-    gives_way = bump(6.0, 1.5) + bump(12.0, 1.5)
-    held = holding(recording, 0.003 * gives_way, -0.8 * NOISE * gives_way, sag=0.0)
-    swing = 0.4 * np.sin(2 * np.pi * 0.7 * TIME)
-    both = moved(held, np.column_stack([swing, held.position[:, 1]]), RATE)
-    effort = both.static + both.filtered(np.column_stack([5.0 * np.gradient(swing, TIME)] * 2))
-    effort[:, 1] = held.effort[:, 1]
-    both = replace(both, session=held.session, effort=effort, joints=(0,), cache={})
-    assert not [event for event in find_events(Model(both), both) if event.joint == 1]
-
-
 def test_a_joint_that_only_a_push_moves_has_nothing_to_fit(recording: Recording) -> None:
     """Once the push is left out its rests are no motion, whether they are kept or not."""
     pushed = holding(recording, 0.03 * bump(12.0, 0.8), -0.8 * bump(12.0, 0.8), sag=0.0)
@@ -196,18 +131,6 @@ def test_a_joint_that_only_a_push_moves_has_nothing_to_fit(recording: Recording)
     left = spared(pushed, (Event(trial=0, joint=1, begin=11.5, end=13.5, peak=-0.8),))
     for rests in (False, True):
         assert select_rows(left, (0,), rests=rests).joints == ()
-
-
-def test_an_arm_that_sags_as_its_trial_begins_is_not_pushed(recording: Recording) -> None:
-    sag = 0.003 * bump(0.05, 1.2)
-    still = replace(holding(recording, sag, -0.8 * NOISE * bump(0.05, 1.2), sag=0.0), still=True)
-    assert find_events(Model(still), still) == ()
-
-
-def with_effort(recording: Recording, effort: np.ndarray) -> Recording:
-    """Return the recording with another effort of the elbow, Nm, (n,)."""
-    both = np.column_stack([np.full(len(TIME), np.nan), effort])
-    return replace(recording, effort=recording.filtered(both), cache={})
 
 
 def test_pushes_of_a_held_joint_are_no_flipped_sign_of_its_effort(recording: Recording) -> None:
