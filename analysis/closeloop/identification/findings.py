@@ -107,6 +107,15 @@ def exchanged(model: Model, taken: Candidate, option: Option) -> Model:
     )
 
 
+@dataclass(frozen=True)
+class Grown:
+    """A model that effects were added to, and how."""
+
+    model: Model
+    score: Score
+    steps: tuple[Step, ...] = ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Trace:
     """What tracing found."""

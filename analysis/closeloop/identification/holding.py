@@ -28,8 +28,7 @@ from analysis.closeloop.identification.balance.presence import surely_there
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.candidates import tried_alone
-from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing.steps import Grown
+from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.spectrum import below
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA

@@ -27,10 +27,10 @@ from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN,
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, compare, select_rows
 from analysis.closeloop.identification.explainable import explainable
-from analysis.closeloop.identification.findings import Option, Step, Trace
+from analysis.closeloop.identification.findings import Grown, Option, Step, Trace
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
 from analysis.closeloop.identification.growing.starts import regrown
-from analysis.closeloop.identification.growing.steps import Grown, grow
+from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.identification.holding import determined, held_in_octaves
 from analysis.closeloop.identification.nameable import ONE_WAY, moves_one_way
 from analysis.closeloop.session.recording import Recording

@@ -30,8 +30,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.balance.trial_error import TrialError
-from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing.steps import Grown
+from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.nameable import beyond_physics, lowest
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import REST, runs

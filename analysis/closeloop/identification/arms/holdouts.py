@@ -15,8 +15,7 @@ from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.sticking import unknown_friction
 from analysis.closeloop.identification.balance.trial_error import TrialError
-from analysis.closeloop.identification.findings import Step, exchanged
-from analysis.closeloop.identification.growing.steps import Grown
+from analysis.closeloop.identification.findings import Grown, Step, exchanged
 from analysis.closeloop.session.signals import rms
 
 #: By how much the error of a joint may grow: what no figure of a report shows.

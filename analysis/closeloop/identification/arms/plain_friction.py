@@ -25,6 +25,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.candidates import tried_alone
+from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Effect
 
@@ -38,10 +39,18 @@ def with_plain_friction(model: Model, rows: Rows) -> Model:
     """Return the model with plain friction at every joint that shows no richer one."""
     for candidate in [c for c in model.effects if PLAIN[-1].name in c.effect.includes]:
         simpler = _with(model.without(candidate), rows, candidate.joint, PLAIN)
-        worse, better = evaluate(simpler, rows).losses, evaluate(model, rows).losses
-        if not more_than_luck(worse, better, rows.fold_of_block, ALONE_Z):
+        if not _richer(simpler, model, candidate.joint, rows):
             model = simpler
     return model
+
+
+def _richer(simpler: Model, model: Model, joint: int, rows: Rows) -> bool:
+    """Whether a joint's richer friction predicts better by more than luck, its turns aside."""
+    own, losses = rows.of_joint(joint), []
+    for each in (simpler, model):
+        alone = one_joint(each, evaluate(each, rows).coefficients, joint)
+        losses.append(with_winding(alone, evaluate(alone, own), own)[1].losses)
+    return more_than_luck(losses[0], losses[1], own.fold_of_block, ALONE_Z)
 
 
 def with_peaked_friction(model: Model, rows: Rows) -> Model:

@@ -64,8 +64,9 @@ from analysis.closeloop.identification.balance.regression import (
 )
 from analysis.closeloop.identification.balance.sticking import sliding
 from analysis.closeloop.identification.candidates import candidates, refined
-from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing.steps import Grown, grow
+from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
+from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.identification.nameable import lowest, one_way
 from analysis.closeloop.identification.presliding import only_presliding
 from sim.effects.catalogue import BY_NAME
@@ -313,6 +314,7 @@ def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[s
     # one, would stand for what had nothing to show before the rare was found.
     tried = [c for c in candidates(own.recording) if c.effect.name not in SHARED]
     grown, _ = grow(Grown(alone, score, there), own, bare, lambda _: None, tried)
+    grown = with_wound_laws(grown, own)
     model = replace(
         model,
         terms=(*(t for t in model.terms if set(t.columns) != {joint}), *grown.model.terms),

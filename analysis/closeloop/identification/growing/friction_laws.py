@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
+    MIN_LATER_GAIN,
     more_than_luck,
     predicts_as_well,
 )
@@ -26,8 +27,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
 from analysis.closeloop.identification.candidates import has_ground
-from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing.steps import Grown
+from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.nameable import beyond_physics, lowest
 from analysis.closeloop.identification.presliding import TURNS, winding_freely
 from sim.effects.catalogue import EFFECTS
@@ -58,7 +58,8 @@ def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
 def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: Rows) -> Grown:
     """Return what was found with one law in the place of a joint's friction, if it is another."""
     wound = winding_freely(grown.model, step.taken.candidate.joint, rows)
-    current = evaluate(wound, rows)
+    # What left-out rows do not miss is no freedom that another law has to have, too.
+    current = min(evaluate(wound, rows), grown.score, key=lambda score: score.loss)
     laws = list(_laws(rest, step.taken.candidate, rows, evaluate(rest, rows)))
     if not laws:
         return grown
@@ -71,7 +72,11 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     if taken.candidate.effect.complexity < named:
         if not predicts_as_well(taken.score, current):
             return grown
-    elif not more_than_luck(current.losses, taken.score.losses, rows.fold_of_block, ALONE_Z):
+    elif (
+        # A form of winding up that is a little wrong leaves something that another law takes.
+        current.loss - taken.score.loss <= MIN_LATER_GAIN * current.loss
+        or not more_than_luck(current.losses, taken.score.losses, rows.fold_of_block, ALONE_Z)
+    ):
         return grown
     model = _turning_as_fits(taken, rest, rows)
     score = evaluate(model, rows)

@@ -7,8 +7,8 @@ from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN, MIN_Z
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
 from analysis.closeloop.identification.candidates import options_beside, refined
-from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing.steps import Grown, grow
+from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.identification.growing.steps import grow
 from sim.effects.catalogue import BY_NAME
 
 

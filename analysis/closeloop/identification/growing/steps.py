@@ -1,7 +1,7 @@
 """Add effects to a model one at a time, each because it predicts what it was not fitted to."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from analysis.closeloop.identification.balance.declared import declared_again
 from analysis.closeloop.identification.balance.luck import (
@@ -26,7 +26,7 @@ from analysis.closeloop.identification.candidates import (
     refined,
     tried_alone,
 )
-from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.growing.freed import freed, held
 from analysis.closeloop.identification.growing.shaken import shaken
 from analysis.closeloop.identification.nameable import beyond_physics
@@ -46,15 +46,6 @@ ROUNDS = 2
 #: Foremost options that are looked at again: a pair may begin with them, or end. (Set, as ROUNDS,
 #: while looking at sessions of the unkind bench with seeds below 400.)
 FOREMOST = 3
-
-
-@dataclass(frozen=True)
-class Grown:
-    """A model that effects were added to, and how."""
-
-    model: Model
-    score: Score
-    steps: tuple[Step, ...] = ()
 
 
 def grow(

@@ -13,9 +13,8 @@ from analysis.closeloop.identification.balance.model import (
     unfitted,
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
-from analysis.closeloop.identification.growing.steps import Grown
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import PRESLIDING_SHARE

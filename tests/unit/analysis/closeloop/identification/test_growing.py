@@ -18,12 +18,12 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.candidates import options_beside
-from analysis.closeloop.identification.findings import Option, Step
+from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.forms import only_form
 from analysis.closeloop.identification.growing import steps
 from analysis.closeloop.identification.growing.freed import freed, held
 from analysis.closeloop.identification.growing.starts import damped_starts, regrown
-from analysis.closeloop.identification.growing.steps import Grown, grow
+from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.identification.selection import choose
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME

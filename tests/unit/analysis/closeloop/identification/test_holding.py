@@ -15,8 +15,7 @@ from analysis.closeloop.identification.balance.model import (
     unfitted,
 )
 from analysis.closeloop.identification.balance.regression import Score, select_rows
-from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing.steps import Grown
+from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.holding import determined, held_in_octaves
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME

@@ -7,8 +7,9 @@ import pytest
 
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.findings import Grown
 from analysis.closeloop.identification.growing.shaken import shaken
-from analysis.closeloop.identification.growing.steps import Grown, grow
+from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.rich import ELBOW, rich_recording

@@ -15,8 +15,7 @@ from analysis.closeloop.identification.balance.model import (
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from analysis.closeloop.identification.findings import Option, Step
-from analysis.closeloop.identification.growing.steps import Grown
+from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
