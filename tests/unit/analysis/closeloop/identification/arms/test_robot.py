@@ -16,6 +16,7 @@ from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
+from sim.effects.motion import PRESLIDING_SHARE
 from tests.testbed.sessions.coupled import measured, moving, traced
 from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import ELBOW, rich_recording
@@ -148,3 +149,18 @@ def test_an_offset_that_hysteresis_hid_is_an_offset_and_no_spring(offset: float)
     wound = unfitted(still, 1).wound(0.12)
     needed[:, 1] += 0.8 * wound + offset
     assert set(traced(measured(still, needed))) == {("hysteresis", 1), ("torque_offset", 1)}
+
+
+def test_friction_that_goes_with_the_load_is_found_where_its_turns_hide_it() -> None:
+    """It winds up over a way at every reversal: nearly all that Coulomb friction leaves is that."""
+    still = rich_recording(20)
+    joint = unfitted(still, ELBOW)
+    level = 3.0 + 0.06 * np.abs(still.inverse[:, ELBOW])
+    effort = np.array(still.inverse)
+    effort[:, ELBOW] += level * joint.wound(PRESLIDING_SHARE * joint.travel[1], 1.0)
+    effort += 0.01 * np.random.default_rng(5).standard_normal(effort.shape)
+    arm = replace(still, effort=still.filtered(effort), cache={})
+    rows = robot.weighed(Model(arm), select_rows(arm, (0,)))
+    found = robot.traced_robot(Model(arm), rows, lambda _: None)
+    keys = {step.key for step in found.steps}
+    assert ("load_dependent_friction", ELBOW) in keys and ("coulomb_friction", ELBOW) not in keys
