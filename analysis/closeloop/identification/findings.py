@@ -116,6 +116,19 @@ class Grown:
     steps: tuple[Step, ...] = ()
 
 
+def standing(model: Model, score: Score) -> tuple[Step, ...]:
+    """Return a step for each effect that stands in a model before others are tried."""
+    return tuple(
+        Step(
+            taken=Option(candidate=candidate, model=model, score=score, gain=0.0, z=0.0),
+            equals=(),
+            options=(),
+            before=score.loss,
+        )
+        for candidate in model.effects
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Trace:
     """What tracing found."""

@@ -14,12 +14,10 @@ What left-out groups do not miss goes, after each step. Joints are weighed by wh
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import (
-    FRICTION,
     SHARED,
     missed,
     missed_elsewhere,
@@ -27,8 +25,10 @@ from analysis.closeloop.identification.arms.agreed import (
     sure,
 )
 from analysis.closeloop.identification.arms.gains import alike, with_gains
+from analysis.closeloop.identification.arms.hidden import beside_friction
 from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.motors import with_other_joints
+from analysis.closeloop.identification.arms.ordinary import ORDINARY, with_ordinary
 from analysis.closeloop.identification.arms.plain_friction import (
     with_peaked_friction,
     with_plain_friction,
@@ -43,19 +43,14 @@ from analysis.closeloop.identification.arms.zeros import (
     with_zeros,
 )
 from analysis.closeloop.identification.balance.declared import (
-    declared_again,
     hung_again,
     placed,
 )
 from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
     Model,
-    Term,
     evaluate,
     one_joint,
-    unfitted,
-    with_independent,
 )
 from analysis.closeloop.identification.balance.regression import (
     Rows,
@@ -64,17 +59,10 @@ from analysis.closeloop.identification.balance.regression import (
 )
 from analysis.closeloop.identification.balance.sticking import sliding
 from analysis.closeloop.identification.candidates import candidates, refined
-from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.identification.findings import Grown, Option, Step, standing
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
 from analysis.closeloop.identification.growing.steps import grow
-from analysis.closeloop.identification.nameable import lowest, one_way
 from analysis.closeloop.identification.presliding import only_presliding
-from sim.effects.catalogue import BY_NAME
-
-#: What every joint of a robot may have.
-ORDINARY = ("torque_offset", *FRICTION, "added_inertia")
-#: Of one that moves in one direction only friction is asked, which an offset looks like there.
-RESISTING = (*FRICTION, "added_inertia")
 
 
 def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Grown:
@@ -185,62 +173,6 @@ def plainly(grown: Grown, rows: Rows) -> Grown:
     return grown if same else _grown(model, rows, {step.key: step for step in grown.steps})
 
 
-def with_ordinary(model: Model, rows: Rows) -> Model:
-    """Add what every joint may have, as far as it is not declared or there."""
-    recording = model.recording
-    there = {
-        (name, candidate.joint)
-        for candidate in model.effects
-        for name in (candidate.effect.name, *candidate.effect.includes)
-    }
-    for joint in rows.joints:
-        for name in RESISTING if _only_resists(rows, joint) else ORDINARY:
-            effect = BY_NAME[name]
-            if (name, joint) in model.declared | there:
-                continue
-            here = Candidate(effect=effect, joint=joint)
-            # Beside declared friction less is found, too. Inertia that is taken away is what wrong
-            # links look like, and in a motion of one frequency a spring.
-            free = {"torque_offset": -np.inf, "added_inertia": 0.0}
-            lower = (free[name],) if name in free else lowest(model, here)
-            choices = [
-                with_independent(
-                    model,
-                    Term(
-                        effect=effect,
-                        joint=joint,
-                        columns=effect.columns(unfitted(recording, joint), theta),
-                        lower=lower,
-                        theta=theta,
-                        candidate=here,
-                    ),
-                    rows,
-                )
-                for theta in effect.thetas(unfitted(recording, joint))
-            ]
-            model = min(choices, key=lambda choice: _misfit(choice, rows, joint))
-        # Alone, declared Coulomb friction that turns slowly is viscous friction, too.
-        model = declared_again(model, rows, partial(_misfit, rows=rows, joint=joint), of=joint)
-    return hung_again(model, rows)
-
-
-def _only_resists(rows: Rows, joint: int) -> bool:
-    """Whether a joint moves in one direction only, and what is left of it is against that."""
-    recording, samples = rows.recording, rows.samples[joint]
-    left = recording.effort[samples, joint] - recording.filtered(recording.rigid)[samples, joint]
-    against = float(left @ np.sign(recording.velocity[samples, joint]))
-    return one_way(rows, joint) and against > 0.0
-
-
-def _misfit(model: Model, rows: Rows, joint: int) -> float:
-    """Return what is left of one joint's rows under the model's terms."""
-    part = rows.parts[joint]
-    base = model.base(rows)[0][part]
-    base = base[:, base.any(axis=0)]
-    target = model.target(rows)[part]
-    return float(((target - base @ np.linalg.lstsq(base, target, rcond=None)[0]) ** 2).sum())
-
-
 def pruned(model: Model, rows: Rows, links: Links) -> Model:
     """Take out the effects that left-out groups do not miss; links are fitted anew each time.
 
@@ -306,22 +238,23 @@ def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[s
     alone = _sharpened(alone, own)
     score = evaluate(alone, own)
     bare = evaluate(alone.keeping(lambda _: False), own)
-    there = tuple(
-        _step(Option(candidate=candidate, model=alone, score=score, gain=0.0, z=0.0), score.loss)
-        for candidate in alone.effects
-    )
+    there = standing(alone, score)
     # What joints share is not asked of one of them. What is ordinary is: a richer form, or a rare
     # one, would stand for what had nothing to show before the rare was found.
     tried = [c for c in candidates(own.recording) if c.effect.name not in SHARED]
-    grown, _ = grow(Grown(alone, score, there), own, bare, lambda _: None, tried)
+
+    def more(begun: Grown) -> Grown:
+        return grow(begun, own, bare, lambda _: None, tried)[0]
+
+    grown = beside_friction(more(Grown(alone, score, there)), own, more)
     grown = with_wound_laws(grown, own)
     model = replace(
         model,
         terms=(*(t for t in model.terms if set(t.columns) != {joint}), *grown.model.terms),
         channels=(*model.channels, *grown.model.channels),
     )
-    standing = {step.key for step in there}
-    return model, {step.key: step for step in grown.steps if step.key not in standing}
+    stands = {step.key for step in there}
+    return model, {step.key: step for step in grown.steps if step.key not in stands}
 
 
 def _sharpened(model: Model, rows: Rows) -> Model:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.robot import with_ordinary
+from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import MIN_GAIN, MIN_Z
 from analysis.closeloop.identification.balance.model import Given, Model, evaluate, prediction

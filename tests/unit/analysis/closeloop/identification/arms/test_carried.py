@@ -7,7 +7,7 @@ import pytest
 
 from analysis.closeloop.identification.arms.carried import supposing_loads
 from analysis.closeloop.identification.arms.links import last_links
-from analysis.closeloop.identification.arms.robot import with_ordinary
+from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.balance import declared
 from analysis.closeloop.identification.balance.declared import hung_again, load_about
 from analysis.closeloop.identification.balance.model import Model, with_independent

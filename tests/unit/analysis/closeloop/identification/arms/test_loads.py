@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from analysis.closeloop.identification.arms.links import links_of
-from analysis.closeloop.identification.arms.robot import weighed, with_ordinary
+from analysis.closeloop.identification.arms.ordinary import with_ordinary
+from analysis.closeloop.identification.arms.robot import weighed
 from analysis.closeloop.identification.arms.shared import with_share
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.model import Model

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.plain_friction import (
     with_peaked_friction,
     with_plain_friction,
 )
-from analysis.closeloop.identification.arms.robot import with_ordinary
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.candidates import tried_alone

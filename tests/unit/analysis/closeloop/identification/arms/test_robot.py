@@ -8,6 +8,7 @@ import pytest
 
 from analysis.closeloop.identification.arms import robot
 from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.shared import with_links
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import declared_model
@@ -49,7 +50,7 @@ def test_friction_that_the_joints_together_show_stays(tmp_path: Path, seed: int)
     """Links that are free take the place of one joint's friction, at the cost of the others."""
     arm = all_at_once(tmp_path, seed)
     rows, links = robot.weighed(Model(arm), select_rows(arm, arm.fit_trials)), links_of(arm)
-    model = robot.with_ordinary(Model(arm), rows)
+    model = with_ordinary(Model(arm), rows)
     found = WholeFit(model, rows, links).with_links(range(len(model.terms)))
     kept = robot.pruned(with_links(model, links, found.links), rows, links).effects
     names = ("viscous_friction", "coulomb_friction", "added_inertia")
@@ -65,7 +66,7 @@ def test_damping_that_is_small_beside_the_weight_stays_where_nothing_else_is_lef
     effort += 0.001 * np.random.default_rng(5).standard_normal(effort.shape)
     arm = replace(still, effort=still.filtered(effort), cache={})
     rows = robot.weighed(Model(arm), select_rows(arm, (0,)))
-    model = robot.pruned(robot.with_ordinary(Model(arm), rows), rows, links_of(arm))
+    model = robot.pruned(with_ordinary(Model(arm), rows), rows, links_of(arm))
     assert [candidate.key for candidate in model.effects] == [("viscous_friction", ELBOW)]
 
 
@@ -94,7 +95,7 @@ def test_beside_declared_damping_friction_may_be_less_and_inertia_may_not() -> N
     """Where a motion has one frequency, inertia that is taken away is a spring."""
     arm = rich_recording()
     arm.device.model.dof_damping[ELBOW] = 0.5
-    model = robot.with_ordinary(Model(arm), select_rows(arm, (0,)))
+    model = with_ordinary(Model(arm), select_rows(arm, (0,)))
     own = [term for term in model.terms if term.joint == ELBOW and term.effect is not None]
     assert {term.effect.name: term.lower[0] for term in own if term.effect is not None} == {
         "torque_offset": -np.inf,
@@ -136,7 +137,7 @@ def test_what_is_part_of_an_effect_that_is_there_is_not_added_again() -> None:
         effect=asymmetric,
         candidate=Candidate(effect=asymmetric, joint=ELBOW),
     )
-    model = robot.with_ordinary(Model(arm, terms=(term,)), select_rows(arm, (0,)))
+    model = with_ordinary(Model(arm, terms=(term,)), select_rows(arm, (0,)))
     own = {candidate.effect.name for candidate in model.effects if candidate.joint == ELBOW}
     assert own == {"asymmetric_friction", "torque_offset", "added_inertia"}
 

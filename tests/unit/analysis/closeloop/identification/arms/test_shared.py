@@ -7,7 +7,7 @@ import pytest
 
 from analysis.closeloop.identification.arms.agreed import nested_z
 from analysis.closeloop.identification.arms.links import links_of
-from analysis.closeloop.identification.arms.robot import with_ordinary
+from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.shared import with_share
 from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import compare, select_rows
