@@ -58,8 +58,7 @@ def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
 def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: Rows) -> Grown:
     """Return what was found with one law in the place of a joint's friction, if it is another."""
     wound = winding_freely(grown.model, step.taken.candidate.joint, rows)
-    # What left-out rows do not miss is no freedom that another law has to have, too.
-    current = min(evaluate(wound, rows), grown.score, key=lambda score: score.loss)
+    current = evaluate(wound, rows)
     laws = list(_laws(rest, step.taken.candidate, rows, evaluate(rest, rows)))
     if not laws:
         return grown
@@ -72,11 +71,7 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     if taken.candidate.effect.complexity < named:
         if not predicts_as_well(taken.score, current):
             return grown
-    elif (
-        # A form of winding up that is a little wrong leaves something that another law takes.
-        current.loss - taken.score.loss <= MIN_LATER_GAIN * current.loss
-        or not more_than_luck(current.losses, taken.score.losses, rows.fold_of_block, ALONE_Z)
-    ):
+    elif not _hidden(taken, step, laws, grown.score, current, rows):
         return grown
     model = _turning_as_fits(taken, rest, rows)
     score = evaluate(model, rows)
@@ -94,6 +89,30 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     new = replace(step, taken=again, equals=equals)
     steps = [new if s is step else s for s in grown.steps if s is step or s not in own]
     return Grown(model, score, tuple(steps))
+
+
+def _hidden(
+    taken: Option, step: Step, laws: list[Option], found: Score, wound: Score, rows: Rows
+) -> bool:
+    """Whether left-out rows miss the turns of what was found, and a richer law beside those.
+
+    Args:
+        taken: the richer law, free to wind up.
+        step: what was found.
+        laws: all laws, free to wind up.
+        found: the score of what was found, as it turns.
+        wound: its score where it is free to wind up.
+        rows: the samples to fit.
+    """
+    folds = rows.fold_of_block
+    same = [law.score for law in laws if law.candidate == step.taken.candidate]
+    beside = min([wound, *same], key=lambda score: score.loss)
+    # A form of winding up that is a little wrong leaves something that another law takes.
+    return (
+        beside.loss - taken.score.loss > MIN_LATER_GAIN * beside.loss
+        and more_than_luck(found.losses, wound.losses, folds, ALONE_Z)
+        and more_than_luck(beside.losses, taken.score.losses, folds, ALONE_Z)
+    )
 
 
 def _laws(rest: Model, found: Candidate, rows: Rows, bare: Score) -> Iterator[Option]:
