@@ -11,6 +11,8 @@ as well as the best is taken.
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
     MIN_LATER_GAIN,
@@ -21,8 +23,8 @@ from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
     Term,
+    estimate_of,
     evaluate,
-    unfitted,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
@@ -32,6 +34,7 @@ from analysis.closeloop.identification.nameable import beyond_physics, lowest
 from analysis.closeloop.identification.presliding import TURNS, winding_freely
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Theta
+from sim.effects.motion import RecordedJoint
 
 
 def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
@@ -59,7 +62,8 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     """Return what was found with one law in the place of a joint's friction, if it is another."""
     wound = winding_freely(grown.model, step.taken.candidate.joint, rows)
     current = evaluate(wound, rows)
-    laws = list(_laws(rest, step.taken.candidate, rows, evaluate(rest, rows)))
+    joint = _bare(grown, step.taken.candidate.joint)
+    laws = list(_laws(rest, step.taken.candidate, rows, joint))
     if not laws:
         return grown
     best = min(laws, key=lambda law: law.score.loss)
@@ -71,9 +75,9 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     if taken.candidate.effect.complexity < named:
         if not predicts_as_well(taken.score, current):
             return grown
-    elif not _hidden(taken, step, laws, grown.score, current, rows):
+    elif not _hidden(taken, grown, current, rows):
         return grown
-    model = _turning_as_fits(taken, rest, rows)
+    model = _turning_as_fits(taken, rest, rows, joint)
     score = evaluate(model, rows)
     if beyond_physics(model, score, taken.candidate):
         return grown
@@ -91,32 +95,43 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     return Grown(model, score, tuple(steps))
 
 
-def _hidden(
-    taken: Option, step: Step, laws: list[Option], found: Score, wound: Score, rows: Rows
-) -> bool:
+def _bare(grown: Grown, number: int) -> RecordedJoint:
+    """Return a joint with what it was found to take beside friction, which may go with it."""
+    coefficients = np.array(grown.score.coefficients)
+    for term, part in grown.model.split(coefficients):
+        if term.rubs and term.joint == number:
+            part[:] = 0.0
+    estimate = estimate_of(grown.model, coefficients)
+    return RecordedJoint(grown.model.recording, number, estimate)
+
+
+def _hidden(taken: Option, grown: Grown, wound: Score, rows: Rows) -> bool:
     """Whether left-out rows miss the turns of what was found, and a richer law beside those.
 
     Args:
         taken: the richer law, free to wind up.
-        step: what was found.
-        laws: all laws, free to wind up.
-        found: the score of what was found, as it turns.
-        wound: its score where it is free to wind up.
+        grown: what was found, as it turns.
+        wound: the score of that where it is free to wind up.
         rows: the samples to fit.
     """
-    folds = rows.fold_of_block
-    same = [law.score for law in laws if law.candidate == step.taken.candidate]
-    beside = min([wound, *same], key=lambda score: score.loss)
+    folds, joint = rows.fold_of_block, taken.candidate.joint
+    # What a richer law winds up has more freedom, too: both get it.
+    free = winding_freely(taken.model, joint, rows).terms[len(taken.model.terms) :]
+    alike = grown.model
+    for term in free:
+        alike = with_independent(alike, term, rows)
+    beside = min([wound, evaluate(alike, rows)], key=lambda score: score.loss)
     # A form of winding up that is a little wrong leaves something that another law takes.
     return (
         beside.loss - taken.score.loss > MIN_LATER_GAIN * beside.loss
-        and more_than_luck(found.losses, wound.losses, folds, ALONE_Z)
+        and more_than_luck(grown.score.losses, wound.losses, folds, ALONE_Z)
         and more_than_luck(beside.losses, taken.score.losses, folds, ALONE_Z)
     )
 
 
-def _laws(rest: Model, found: Candidate, rows: Rows, bare: Score) -> Iterator[Option]:
+def _laws(rest: Model, found: Candidate, rows: Rows, joint: RecordedJoint) -> Iterator[Option]:
     """Yield every law of friction beside `rest`, free to wind up, with the best parameters."""
+    bare = evaluate(rest, rows)
     present = {found.key, *(candidate.key for candidate in rest.effects)}
     for effect in EFFECTS:
         candidate = Candidate(effect=effect, joint=found.joint)
@@ -125,8 +140,8 @@ def _laws(rest: Model, found: Candidate, rows: Rows, bare: Score) -> Iterator[Op
         if not has_ground(candidate, present):
             continue
         fitted = []
-        for theta in effect.thetas(unfitted(rest.recording, found.joint)):
-            model = _beside(rest, candidate, theta, rows)
+        for theta in effect.thetas(joint):
+            model = _beside(rest, candidate, theta, rows, joint)
             if model is None:
                 continue
             wound = winding_freely(model, found.joint, rows)
@@ -138,9 +153,11 @@ def _laws(rest: Model, found: Candidate, rows: Rows, bare: Score) -> Iterator[Op
         yield Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
 
 
-def _beside(rest: Model, candidate: Candidate, theta: Theta, rows: Rows) -> Model | None:
+def _beside(
+    rest: Model, candidate: Candidate, theta: Theta, rows: Rows, joint: RecordedJoint
+) -> Model | None:
     """Return a model with one law more; None if it adds nothing to what is there."""
-    columns = candidate.effect.columns(unfitted(rest.recording, candidate.joint), theta)
+    columns = candidate.effect.columns(joint, theta)
     term = Term(
         effect=candidate.effect,
         joint=candidate.joint,
@@ -153,12 +170,12 @@ def _beside(rest: Model, candidate: Candidate, theta: Theta, rows: Rows) -> Mode
     return None if model is rest else model
 
 
-def _turning_as_fits(law: Option, rest: Model, rows: Rows) -> Model:
+def _turning_as_fits(law: Option, rest: Model, rows: Rows, joint: RecordedJoint) -> Model:
     """Return the model with a law that turns over the velocity that fits best without winding."""
     found = [law.model]
     for parameter in (p for p in law.candidate.effect.nonlinear if p.name in TURNS):
         for value in parameter.grid:
             theta = {**law.theta, parameter.name: value}
-            model = _beside(rest, law.candidate, theta, rows)
+            model = _beside(rest, law.candidate, theta, rows, joint)
             found += [] if model is None else [model]
     return min(found, key=lambda model: evaluate(model, rows).sse)
