@@ -44,6 +44,8 @@ SPEEDS = np.geomspace(0.004, 0.4, 21)
 HELD = 2.0 * REST
 #: What a rest is left with is the most over so long, s: an excess is lost in some hundredths.
 PEAK = 0.02
+#: Rests that have to hold a level, and the share of an excess by which they may differ.
+SEVERAL, ALIKE = 3, 0.1
 NOTE = (
     "stribeck_friction of {}: at rest it holds {:.3g} {} to either side and slides with {:.3g}; "
     "the excess is known from the rests, and is at least the difference"
@@ -65,6 +67,8 @@ class Held:
     sliding: float
     #: The most that it took to leave a rest slowly, to the side where that is less.
     leaving: float
+    #: By how much rests differ that hold the most, and both sides.
+    apart: float
     #: Root mean square of what the model leaves of the joint in the faster half of its motion,
     #: where no excess is left of it.
     error: float
@@ -76,8 +80,13 @@ class Held:
 
     @property
     def breaks_away(self) -> bool:
-        """Whether leaving a rest takes what is held rather than what sliding takes."""
-        return self.leaving > 0.5 * (self.level + self.sliding)
+        """Whether leaving a rest takes what is held rather than what sliding takes.
+
+        Or several rests hold the same to both sides, which a low-pass that takes the peak of a
+        start leaves: a brake holds whatever it is given.
+        """
+        alike = self.apart < ALIKE * (self.level - self.sliding)
+        return alike or self.leaving > 0.5 * (self.level + self.sliding)
 
 
 @dataclass(frozen=True)
@@ -126,6 +135,11 @@ def held_levels(torque: np.ndarray, width: int) -> Levels:
     return float(means.max()), float(-means.min())
 
 
+def level_of(levels: list[float]) -> float:
+    """Return what several rests hold, or each of a few: the most of many is noise."""
+    return sorted(levels)[-min(SEVERAL, len(levels))]
+
+
 def _held(grown: Grown, rows: Rows, joint: int) -> Held | None:
     """Return what a joint with plain friction holds beyond it at rest; None if that may be none."""
     model, recording = grown.model, rows.recording
@@ -152,10 +166,13 @@ def _held(grown: Grown, rows: Rows, joint: int) -> Held | None:
     held, left = _at_rests(recording, joint, expected)
     if not all(left):
         return None
+    # To either side: what a wrong offset or gravity adds to one it takes from the other.
+    levels = [level_of(side) for side in held]
+    several = len(held[0]) >= SEVERAL
     found = Held(
-        # To either side: what a wrong offset or gravity adds to one it takes from the other.
-        level=min(max(side) for side in held),
+        level=min(levels),
         sliding=sliding,
+        apart=max(max(side) for side in held) - min(levels) if several else np.inf,
         leaving=min(_slowly(side) for side in left),
         error=_error_in_motion(grown, rows, joint),
     )

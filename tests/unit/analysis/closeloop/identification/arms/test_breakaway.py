@@ -5,7 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.breakaway import _held, held_levels, with_breakaway
+from analysis.closeloop.identification.arms.breakaway import (
+    _held,
+    held_levels,
+    level_of,
+    with_breakaway,
+)
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -122,6 +127,19 @@ def test_else_its_friction_stays_what_it_is(held: tuple[float, float], why: str)
 def test_a_brake_that_lets_go_before_the_joint_leaves_is_no_friction() -> None:
     """Leaving takes no more than sliding does, whatever the rest held."""
     assert named(to_and_fro((1.8, 1.7), let_go=0.1)) == {"coulomb_friction"}
+
+
+def test_a_level_that_rests_hold_alike_to_both_sides_is_friction_however_they_are_left() -> None:
+    """A low-pass takes the peak of a start; a brake holds whatever it is given."""
+    assert named(to_and_fro((1.7, 1.7), let_go=0.1)) == {"stribeck_friction"}
+
+
+@pytest.mark.parametrize(
+    ("rests", "level"), [([0.9, 1.0, 1.1, 1.8, 1.9], 1.1), ([0.2, 1.0], 0.2), ([1.0], 1.0)]
+)
+def test_a_level_is_what_several_rests_hold(rests: list[float], level: float) -> None:
+    """Of many rests the most is noise, or what somebody held."""
+    assert level_of(rests) == level
 
 
 def test_where_somebody_pushes_it_out_of_each_rest_nothing_tells_what_leaving_takes() -> None:
