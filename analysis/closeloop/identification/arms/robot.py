@@ -113,7 +113,9 @@ def _traced(
         progress(f"{name}: what else")
         model, steps = with_rare(model, rows, joint)
         found |= steps
-    model = with_other_joints(for_rare(model, rows, found.keys()), rows)
+    # A spring of another joint hides that a zero does better than an offset.
+    model = for_offsets(for_rare(model, rows, found.keys()), rows)
+    model = with_other_joints(model, rows)
     model = with_peaked_friction(model, rows)
     if found:
         progress("all joints together")

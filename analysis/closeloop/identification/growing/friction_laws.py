@@ -15,7 +15,7 @@ import numpy as np
 
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
-    MIN_LATER_GAIN,
+    LARGE_GAIN,
     more_than_luck,
     predicts_as_well,
 )
@@ -75,7 +75,7 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     if taken.candidate.effect.complexity < named:
         if not predicts_as_well(taken.score, current):
             return grown
-    elif not _hidden(taken, grown, current, rows):
+    elif not _hidden(taken, grown, [current, *_same(laws, step)], rows):
         return grown
     model = _turning_as_fits(taken, rest, rows, joint)
     score = evaluate(model, rows)
@@ -105,13 +105,13 @@ def _bare(grown: Grown, number: int) -> RecordedJoint:
     return RecordedJoint(grown.model.recording, number, estimate)
 
 
-def _hidden(taken: Option, grown: Grown, wound: Score, rows: Rows) -> bool:
+def _hidden(taken: Option, grown: Grown, wound: list[Score], rows: Rows) -> bool:
     """Whether left-out rows miss the turns of what was found, and a richer law beside those.
 
     Args:
         taken: the richer law, free to wind up.
         grown: what was found, as it turns.
-        wound: the score of that where it is free to wind up.
+        wound: scores of that where it is free to wind up.
         rows: the samples to fit.
     """
     folds, joint = rows.fold_of_block, taken.candidate.joint
@@ -120,13 +120,19 @@ def _hidden(taken: Option, grown: Grown, wound: Score, rows: Rows) -> bool:
     alike = grown.model
     for term in free:
         alike = with_independent(alike, term, rows)
-    beside = min([wound, evaluate(alike, rows)], key=lambda score: score.loss)
+    beside = min([*wound, evaluate(alike, rows)], key=lambda score: score.loss)
     # A form of winding up that is a little wrong leaves something that another law takes.
     return (
-        beside.loss - taken.score.loss > MIN_LATER_GAIN * beside.loss
-        and more_than_luck(grown.score.losses, wound.losses, folds, ALONE_Z)
-        and more_than_luck(beside.losses, taken.score.losses, folds, ALONE_Z)
+        beside.loss - taken.score.loss > LARGE_GAIN * beside.loss
+        and more_than_luck(grown.score.losses, wound[0].losses, folds, ALONE_Z)
+        # The best of all laws.
+        and more_than_luck(beside.losses, taken.score.losses, folds)
     )
+
+
+def _same(laws: list[Option], step: Step) -> list[Score]:
+    """Return the score of what was found, as one of the laws that turn as fits best."""
+    return [law.score for law in laws if law.candidate == step.taken.candidate]
 
 
 def _laws(rest: Model, found: Candidate, rows: Rows, joint: RecordedJoint) -> Iterator[Option]:
