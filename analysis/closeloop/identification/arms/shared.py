@@ -103,4 +103,6 @@ def with_links(model: Model, links: Links, change: np.ndarray) -> Model:
     }
     values = dict(zip(links.names, links.declared + change, strict=True))
     candidate = Candidate(effect=LINKS, joint=recording.joints[0])
-    return replace(model, given=Given(torque=torque, candidate=candidate, links=values))
+    changes = dict(zip(links.bodies, change, strict=True))
+    given = Given(torque=torque, candidate=candidate, links=values, changes=changes)
+    return replace(model, given=given)

@@ -1,6 +1,6 @@
 """The model as declared: the rigid chain, the declared effects, and the loads that hang from it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -16,11 +16,11 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.session.contents import HungLoad
-from analysis.closeloop.session.link_torque import carriers
+from analysis.closeloop.session.link_torque import carriers, chain_motion
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, law_of
 from sim.effects.effect import Columns, Effect, Theta
-from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns
+from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns, load_parameters
 from sim.effects.rigid import point_mass
 
 PLACED = PlacedPayload()
@@ -238,26 +238,66 @@ def placed(model: Model, rows: Rows) -> Model:
     """Return the model with every payload where the fit says it hangs, by Gauss-Newton.
 
     And with every wrong zero of a robot where the fit says it is: its torque is a secant over the
-    zero itself, and next to another one the size that is fitted is another's.
+    zero itself, of the chain with the links and loads that were found.
     """
-    for _ in range(PLACE_STEPS):
+    for number in range(PLACE_STEPS):
         longest = 0.0
         terms = []
-        for term, own in model.split(evaluate(model, rows).coefficients):
+        fitted = list(model.split(evaluate(model, rows).coefficients))
+        hung = list(_changes(model, fitted))
+        for term, own in fitted:
             if isinstance(term.effect, PlacedPayload):
                 step = term.effect.way(dict(zip(term.kept, own.tolist(), strict=True)))
                 longest = max(longest, float(np.linalg.norm(step)))
                 term = _moved_by(model.recording, term, step)
             elif term.effect is ZERO and term.joint not in model.recording.limbs:
                 longest = max(longest, abs(float(own[0]) - term.theta["offset"]))
-                theta = {"offset": float(own[0])}
-                columns = ZERO.columns(unfitted(model.recording, term.joint), theta)
-                term = replace(term, theta=theta, columns=columns)
+                if hung and not number:
+                    # Its slope may be that of the chain before anything else was found.
+                    longest = np.inf
+                term = _zero_at(model.recording, term, float(own[0]), hung)
             terms.append(term)
         if longest < PLACE_TOLERANCE:
             break
         model = replace(model, terms=tuple(terms))
     return model
+
+
+def _changes(
+    model: Model, fitted: Sequence[tuple[Term, np.ndarray]]
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield bodies and by how much their inertial parameters differ from declared, (n or 1, 10)."""
+    recording = model.recording
+    if model.given is not None:
+        for body, change in model.given.changes.items():
+            yield body, change[None]
+    for term, own in fitted:
+        if isinstance(term.effect, PlacedPayload):
+            turn = load_parameters(np.array([term.theta[name] for name in PLACE]))
+            change = (turn[:, list(term.kept)] @ own)[None]
+            if term.load is None:
+                yield recording.body(term.joint), change
+            else:
+                body = recording.device.model.body(term.load.body).id
+                yield body, change * _carried(recording, term.load)
+
+
+def _zero_at(
+    recording: Recording, term: Term, offset: float, changes: Sequence[tuple[int, np.ndarray]]
+) -> Term:
+    """Return a wrong zero of another size: what links and loads that were found take moves, too."""
+    joint = term.joint
+    columns = dict(ZERO.columns(unfitted(recording, joint), {"offset": offset}))
+    if changes and offset:
+        there = recording.position.copy()
+        there[:, joint] -= offset
+        motion = there, recording.velocity, recording.acceleration
+        moved = chain_motion(recording.device.model, *motion)
+        for body, change in changes:
+            slope = (moved.link_torque(body) - recording.link_torque(body)) / offset
+            felt = np.einsum("njp,np->nj", slope, np.broadcast_to(change, (len(there), 10)))
+            columns = {number: own + felt[:, [number]] for number, own in columns.items()}
+    return replace(term, theta={"offset": offset}, columns=columns)
 
 
 def _moved_by(recording: Recording, term: Term, step: np.ndarray) -> Term:
