@@ -7,7 +7,7 @@ from analysis.closeloop.identification.arms.agreed import better_for_all, shared
 from analysis.closeloop.identification.arms.links import Links
 from analysis.closeloop.identification.arms.whole_fit import WholeFit, loaded
 from analysis.closeloop.identification.balance.declared import placed
-from analysis.closeloop.identification.balance.luck import MIN_GAIN, MIN_TORQUE
+from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN, MIN_TORQUE
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -51,13 +51,14 @@ def beside_load(model: Model, rows: Rows) -> Model:
     """Add wrong zeros beside a payload that explained more than each of them.
 
     Gravity tells a zero from where the load hangs by little, and only inertia the rest. So what is
-    left without it is less than its torque: that has to matter, and the gain to be no luck.
+    left without it is less than its torque: that has to matter, and the gain to be that of a later
+    effect.
     """
     if not any(term.candidate and isinstance(term.effect, PlacedPayload) for term in model.terms):
         return model
     while True:
         current = evaluate(model, rows)
-        least = (1.0 - MIN_GAIN) * current.loss
+        least = (1.0 - MIN_LATER_GAIN) * current.loss
         found = [
             (tried, score)
             for tried, score in _zeros(model, rows)

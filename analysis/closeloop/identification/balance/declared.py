@@ -1,6 +1,6 @@
 """The model as declared: the rigid chain, the declared effects, and the loads that hang from it."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -147,6 +147,15 @@ def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:
     for term in terms:
         model = with_independent(model, term, rows)
     return model
+
+
+def naming(recording: Recording, loads: Mapping[int, HungLoad]) -> Recording:
+    """Return the recording with trials that name loads, by the trials' numbers."""
+    trials = tuple(
+        replace(trial, payload=loads.get(number, trial.payload))
+        for number, trial in enumerate(recording.session.trials)
+    )
+    return replace(recording, session=replace(recording.session, trials=trials))
 
 
 def load_about(recording: Recording, load: HungLoad, place: np.ndarray) -> Term:
