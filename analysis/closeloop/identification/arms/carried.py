@@ -27,12 +27,12 @@ from sim.effects.laws.inertia import MOST_LOAD
 def supposing_loads(recording: Recording) -> Recording:
     """Return the recording with the loads named that fitted trials seem to carry.
 
-    Only a robot of several joints shows a load apart from a wrong gain, and only beside a trial
-    that carries less: what every trial carries is the robot's own.
+    Only beside a trial that carries less: what every trial carries is the robot's own. A robot of
+    one joint is asked by more (`lone_joint`).
     """
     trials = recording.session.trials
     asked = [number for number in recording.fit_trials if trials[number].payload is None]
-    if len(recording.joints) < 2 or recording.limbs or len(asked) < 2:
+    if len(recording.joints) < SEVERAL or recording.limbs or len(asked) < 2:
         return recording
     found: dict[int, HungLoad] = {}
     for body in last_links(recording).values():

@@ -186,7 +186,9 @@ def with_load(model: Model, rows: Rows, load: HungLoad) -> Model:
     if len(found.terms) == len(model.terms):
         return found
     moved = placed(at(_likeliest(model, rows, load, found.terms[-1].joint)), rows)
-    return moved if _misfit(moved, rows) < LESS * _misfit(found, rows) else found
+    # Where its link's axis goes through the origin no mass is felt there, and none is told.
+    less = LESS if 0 in found.terms[-1].kept else 1.0
+    return moved if _misfit(moved, rows) < less * _misfit(found, rows) else found
 
 
 def hung_again(model: Model, rows: Rows) -> Model:
