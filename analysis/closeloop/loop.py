@@ -14,7 +14,9 @@ import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
 from analysis.closeloop.identification.arms.carried import supposing_loads
+from analysis.closeloop.identification.arms.lone_joint import supposing_lone_loads
 from analysis.closeloop.identification.arms.skew import synchronised
+from analysis.closeloop.identification.arms.unlike import supposing_held_out
 from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.sticking import driven, samples_step
@@ -57,7 +59,7 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     if _rests(recording):
         return still_answer(recording, find_events(Model(recording), recording))
     recording, skewed = synchronised(recording)
-    recording = supposing_loads(recording)
+    recording = supposing_held_out(supposing_loads(supposing_lone_loads(recording)))
     found = trace(recording, progress)
     progress("torque that is local in time")
     known = wound_up(found)

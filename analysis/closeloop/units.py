@@ -7,14 +7,12 @@ import numpy as np
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.plausibility import LEAST_MOTION, in_motion, unknown_columns
 from analysis.closeloop.session.recording import Recording
-from sim.effects.laws.drive import GAINS
+from sim.effects.laws.drive import GAINS, HEAVIEST
 
 #: One newton metre in other units of torque (NIST SP 811, appendix B.8).
 UNITS = {"lb in": 8.8507, "kgf cm": 10.197, "N cm": 100.0, "oz in": 141.61, "mNm": 1000.0}
 #: A unit is exact; a sensor's gain and a link's declared inertia are known to within this share.
 NEAR_UNIT = 0.1
-#: No joint carries this many times what its links weigh; less can be a load nobody declared.
-HEAVIEST = 30.0
 #: Nobody puts a gear of so many turns in front of a joint; grams for kilograms are more.
 LONGEST_GEAR = 300.0
 #: Share of the effort's variance that one constant may leave: a poor model leaves more. Beyond
@@ -67,8 +65,9 @@ def check_units(recording: Recording) -> None:
 
 
 def doubtful_units(recording: Recording) -> list[str]:
-    """Return a sentence for every joint whose effort asks for far more inertia than is declared.
+    """Return a sentence for every joint whose effort asks for far more than is declared.
 
+    In gravity and inertia alike that is a factor of the effort, or masses that nobody declared.
     Where nothing weighs, a motor's inertia that nobody declared looks like another unit.
     """
     found = []
@@ -76,12 +75,17 @@ def doubtful_units(recording: Recording) -> list[str]:
         if int(in_motion(recording, joint).sum()) < LEAST_MOTION * recording.rate:
             continue
         effort, links = _beside_unknowns(recording, joint)
-        constant = _weightless(effort, links)
-        if constant is not None and constant > GAINS[1]:
-            name = recording.name(joint)
-            unit = recording.device.unit(name)
+        name, unit = recording.name(joint), recording.device.unit(recording.name(joint))
+        both, inertia = _constant(effort, links), _weightless(effort, links)
+        if both is not None and both > GAINS[1]:
             found.append(
-                f"the effort of {name} needs {constant:.3g} times the declared inertia, and no "
+                f"the effort of {name} is {both:.3g} times what its declared model needs, in "
+                f"gravity and inertia alike: efforts in no {unit}, currents times a wrong factor, "
+                "or masses that are not declared; check the factor first"
+            )
+        elif inertia is not None and inertia > GAINS[1]:
+            found.append(
+                f"the effort of {name} needs {inertia:.3g} times the declared inertia, and no "
                 f"gravity is there to tell why: if it is not in {unit}, every value is wrong by as "
                 "much; if a motor's inertia is not declared (armature), none is"
             )

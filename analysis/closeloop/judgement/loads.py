@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.agreed import MOST, sure
+from analysis.closeloop.identification.arms.agreed import MOST, SEVERAL, sure
 from analysis.closeloop.identification.arms.links import last_links, links_of
 from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
@@ -32,12 +32,12 @@ WORSE = 0.01
 def unnamed_loads(trace: Trace) -> tuple[Carried, ...]:
     """Return the loads that trials seem to carry without naming one, one a trial at most.
 
-    Only a robot of several joints shows a load apart from a wrong gain; held-out trials are looked
-    at too, since nothing is fitted to them because of it.
+    Only a robot of several joints shows a load apart from a wrong gain here; held-out trials are
+    looked at too, since nothing is fitted to them because of it.
     """
     recording = trace.rows.recording
     trials = recording.session.trials
-    if len(recording.joints) < 2 or recording.limbs or len(trials) < 2:
+    if recording.limbs or len(trials) < 2:
         return ()
     rows = _every_row(trace.rows, recording)
     if rows is None:
@@ -45,7 +45,8 @@ def unnamed_loads(trace: Trace) -> tuple[Carried, ...]:
     model, coefficients = trace.fits[1]
     left = model.target(rows) - model.base(rows)[0] @ coefficients
     seen: dict[int, tuple[float, HungLoad]] = {}
-    for body, name in last_links(recording).items():
+    several = len(recording.joints) >= SEVERAL
+    for body, name in last_links(recording).items() if several else ():
         torque = recording.link_torque(body)
         columns = {joint: torque[:, joint, :MOMENTS] for joint in recording.joints}
         load = rows.stack(model.transformed(columns), MOMENTS)

@@ -91,7 +91,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *refused_values(effects),
             *undetermined(effects),
             *of_gravity(recording, effects),
-            *of_unnamed_loads(unnamed),
+            *of_unnamed_loads(unnamed, lone=len(recording.joints) == 1),
         ],
         "session": session_entry(recording),
         "ladder": _options(found),

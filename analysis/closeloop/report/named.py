@@ -40,7 +40,7 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
         candidate = step.taken.candidate
         effect, joint = candidate.effect, candidate.joint
         others = list(dict.fromkeys(o.candidate.effect.name for o in step.equals))
-        if effect is GAIN and gain_of_all(model, coefficients, found.rows) is not None:
+        if effect.name == GAIN.name and gain_of_all(model, coefficients, found.rows) is not None:
             others.append(LINK_INERTIA)
         others = [name for name in others if name != effect.name]
         entries.append(

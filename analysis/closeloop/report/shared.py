@@ -149,11 +149,18 @@ def moments_entry(load: Carried) -> dict[str, Any]:
     }
 
 
-def of_unnamed_loads(entries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a warning for every load that a trial seems to carry, with what to declare."""
+def of_unnamed_loads(entries: Sequence[Mapping[str, Any]], *, lone: bool = False) -> list[str]:
+    """Return a warning for every load that a trial seems to carry, with what to declare.
+
+    Args:
+        entries: the loads.
+        lone: whether one joint alone shows them.
+    """
+    gain = ", unless its efforts have another factor, which one joint does not tell from it" * lone
     return [
         f"{entry['file']}: it looks as if {_weight(entry)} hung at {entry['body']} that other "
-        f'trials do not carry; if so, give the trial "payload": {{"name": "{entry["name"]}", '
+        f"trials do not carry{gain}; "
+        f'if so, give the trial "payload": {{"name": "{entry["name"]}", '
         f'"body": "{entry["body"]}"}} and close the loop again: '
         + (
             "the errors here, before and after, allow for it"

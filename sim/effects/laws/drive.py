@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 GAIN = Reading(column=0, gain=True)
 #: A larger or smaller gain is another effect in disguise.
 GAINS = (0.33, 3.0)
+#: No joint carries this many times what its links weigh; efforts that are so many times too large
+#: are in another unit. Less can be a load nobody declared.
+HEAVIEST = 30.0
 #: An encoder's zero is set within a quarter of a turn, rad.
 MAX_OFFSET = 0.5 * np.pi
 #: The effort reaches the joint later by no more, s; the encoder is late by no more, s.
@@ -135,6 +138,13 @@ class TorqueGain(Effect):
             motor.gainprm[0] *= parameters["gain"]
             motor.biasprm[:3] = np.array(motor.biasprm[:3]) * parameters["gain"]
         return self.element
+
+
+class AnyGain(TorqueGain):
+    """The same where a load, or links of other masses, would have to be as far beyond declared."""
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        return {"gain": (1.0 / HEAVIEST, GAINS[1])}
 
 
 class PositionOffset(Effect):

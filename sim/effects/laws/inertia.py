@@ -180,9 +180,17 @@ def load_columns(recording: Recording, body: int, place: np.ndarray) -> Columns:
     Returns:
         Of every analysed joint the columns of mass and of mass times way along x, y and z, (n, 4).
     """
-    turn = np.column_stack([point_mass(place), point_mass_slopes(place)])
+    turn = load_parameters(place)
     torque = recording.link_torque(body)
     return {joint: torque[:, joint] @ turn for joint in recording.joints}
+
+
+def load_parameters(place: np.ndarray) -> np.ndarray:
+    """Return the inertial parameters of a mass at `place`, and of it a way further, (10, 4).
+
+    Of one kilogram in the first column, of one kg m along x, y and z in the others.
+    """
+    return np.column_stack([point_mass(place), point_mass_slopes(place)])
 
 
 class LinkInertia(Effect):

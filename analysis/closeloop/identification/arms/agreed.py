@@ -30,6 +30,8 @@ SHARED = (LINK_INERTIA, PlacedPayload.name, "position_offset")
 FRICTION = ("viscous_friction", "coulomb_friction")
 #: Share of what is left of a trial that a load of its own must take away: most of it.
 MOST = 0.5
+#: Joints that have to show it: one shows a gain or an offset as well.
+SEVERAL = 2
 #: By how much a joint's error may grow where joints share something, or else how often one of them
 #: may speak against it by chance.
 WORSE, CHANCE = 0.01, 0.05

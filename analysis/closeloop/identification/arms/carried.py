@@ -12,47 +12,35 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.agreed import MOST, shared_by_joints
+from analysis.closeloop.identification.arms.agreed import MOST, SEVERAL, shared_by_joints
 from analysis.closeloop.identification.arms.links import last_links, links_of
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.robot import weighed_by
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
-from analysis.closeloop.identification.balance.declared import declared_model, load_about
+from analysis.closeloop.identification.balance.declared import declared_model, load_about, naming
 from analysis.closeloop.identification.balance.model import with_independent
 from analysis.closeloop.identification.balance.regression import compare, select_rows
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
 from sim.effects.laws.inertia import MOST_LOAD
 
-#: Joints that have to show it: one shows a gain or an offset as well.
-SEVERAL = 2
-
 
 def supposing_loads(recording: Recording) -> Recording:
     """Return the recording with the loads named that fitted trials seem to carry.
 
-    Only a robot of several joints shows a load apart from a wrong gain, and only beside a trial
-    that carries less: what every trial carries is the robot's own.
+    Only beside a trial that carries less: what every trial carries is the robot's own. A robot of
+    one joint is asked by more (`lone_joint`).
     """
     trials = recording.session.trials
     asked = [number for number in recording.fit_trials if trials[number].payload is None]
-    if len(recording.joints) < 2 or recording.limbs or len(asked) < 2:
+    if len(recording.joints) < SEVERAL or recording.limbs or len(asked) < 2:
         return recording
     found: dict[int, HungLoad] = {}
     for body in last_links(recording).values():
         for numbers, share in _carriers(recording, body, asked):
             name = "of trial " + ", ".join(str(number + 1) for number in numbers)
             found |= dict.fromkeys(numbers, HungLoad(name=name, body=body, supposed=share))
-    return _naming(recording, found)
-
-
-def _naming(recording: Recording, loads: Mapping[int, HungLoad]) -> Recording:
-    """Return the recording with trials that name loads, by the trials' numbers."""
-    trials = tuple(
-        replace(trial, payload=loads.get(number, trial.payload))
-        for number, trial in enumerate(recording.session.trials)
-    )
-    return replace(recording, session=replace(recording.session, trials=trials))
+    return naming(recording, found)
 
 
 def _carriers(
@@ -61,7 +49,7 @@ def _carriers(
     """Yield trials that carry one load, and the part of what is left of them that it takes."""
     own = {n: HungLoad(name=f"of trial {n + 1}", body=body) for n in asked}
     # Every trial that may carry something alone is left out by halves.
-    named = _naming(recording, own)
+    named = naming(recording, own)
     rows = select_rows(named, named.fit_trials)
     bare = declared_model(recording, select_rows(recording, recording.fit_trials))
     model = with_ordinary(replace(bare, recording=named), rows)
@@ -157,7 +145,7 @@ def _are_one(fit: WholeFit, rest: Sequence[int], apart: Fitted, loads: Sequence[
     one = replace(loads[0], name="one")
     trials = named.session.trials
     there = {n: one for n, trial in enumerate(trials) if trial.payload in loads}
-    term = load_about(_naming(named, there), one, np.zeros(3))
+    term = load_about(naming(named, there), one, np.zeros(3))
     others = tuple(fit.model.terms[place] for place in rest)
     model = with_independent(replace(fit.model, terms=others), term, fit.rows)
     both = WholeFit(model, fit.rows, fit.links, strength=fit.strength)

@@ -20,9 +20,10 @@ from analysis.closeloop.identification.nameable import one_way
 from analysis.closeloop.identification.selection import EQUAL_SHARE
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Effect
+from sim.effects.laws.drive import AnyGain
 
 GAIN, INERTIA = BY_NAME["torque_gain"], BY_NAME["added_inertia"]
-PAYLOAD = BY_NAME["payload"]
+ANY_GAIN, PAYLOAD = AnyGain(), BY_NAME["payload"]
 COULOMB, OFFSET = BY_NAME["coulomb_friction"], BY_NAME["torque_offset"]
 #: Gains of all joints are one if they differ by no more than this share.
 ALIKE = 0.05
@@ -108,8 +109,9 @@ def gain_or_payload(option: Option, rest: Model, rows: Rows) -> tuple[Option, ..
     """Return a gain in the place of a payload of a robot's one joint, or a payload in a gain's.
 
     Beside friction that is not there yet, one of them may seem the better; arguments as of `alike`.
+    A gain may be as far from one as the load is heavy.
     """
-    twins = {GAIN: PAYLOAD, PAYLOAD: GAIN}
+    twins = {GAIN: PAYLOAD, PAYLOAD: ANY_GAIN}
     return _as_well(option, twins.get(option.candidate.effect), rest, rows)
 
 

@@ -37,6 +37,7 @@ from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.arms.zeros import (
     ZERO,
+    beside_load,
     for_links,
     for_offsets,
     for_rare,
@@ -132,7 +133,7 @@ def _traced(
 def _with_shared(model: Model, rows: Rows, links: Links, *, links_free: bool) -> Model:
     """Add what joints share: wrong zeros, then a payload or other links, or both for the last."""
     model = with_share(with_zeros(model, rows, links), rows, links, links_free=links_free)
-    return for_links(model, rows, links)
+    return beside_load(for_links(model, rows, links), rows)
 
 
 def weighed(declared: Model, rows: Rows) -> Rows:

@@ -21,10 +21,11 @@ from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.nameable import lowest
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME
+from sim.effects.laws.drive import AnyGain
 from sim.effects.laws.inertia import LinkInertia
 
 LINKS = LinkInertia()
-GAIN, INERTIA = BY_NAME["torque_gain"], BY_NAME["added_inertia"]
+GAIN, INERTIA = AnyGain(), BY_NAME["added_inertia"]
 
 
 def with_share(model: Model, rows: Rows, links: Links, *, links_free: bool) -> Model:
@@ -103,4 +104,6 @@ def with_links(model: Model, links: Links, change: np.ndarray) -> Model:
     }
     values = dict(zip(links.names, links.declared + change, strict=True))
     candidate = Candidate(effect=LINKS, joint=recording.joints[0])
-    return replace(model, given=Given(torque=torque, candidate=candidate, links=values))
+    changes = dict(zip(links.bodies, change, strict=True))
+    given = Given(torque=torque, candidate=candidate, links=values, changes=changes)
+    return replace(model, given=given)

@@ -7,17 +7,20 @@ from analysis.closeloop.identification.arms.agreed import better_for_all, shared
 from analysis.closeloop.identification.arms.links import Links
 from analysis.closeloop.identification.arms.whole_fit import WholeFit, loaded
 from analysis.closeloop.identification.balance.declared import placed
+from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN, MIN_TORQUE
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
     Term,
     evaluate,
+    kept_columns,
     unfitted,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
 from analysis.closeloop.identification.candidates import tried_alone
 from sim.effects.catalogue import BY_NAME
+from sim.effects.laws.inertia import PlacedPayload
 
 ZERO = BY_NAME["position_offset"]
 #: What a zero does where a trial moves one joint and holds the others.
@@ -42,6 +45,38 @@ def with_zeros(model: Model, rows: Rows, links: Links) -> Model:
         if min((load.loss for load in loads), default=score.loss) < score.loss:
             return model
         model = best
+
+
+def beside_load(model: Model, rows: Rows) -> Model:
+    """Add wrong zeros beside a payload that explained more than each of them.
+
+    Gravity tells a zero from where the load hangs by little, and only inertia the rest. So what is
+    left without it is less than its torque: that has to matter, and the gain to be that of a later
+    effect.
+    """
+    if not any(term.candidate and isinstance(term.effect, PlacedPayload) for term in model.terms):
+        return model
+    while True:
+        current = evaluate(model, rows)
+        least = (1.0 - MIN_LATER_GAIN) * current.loss
+        found = [
+            (tried, score)
+            for tried, score in _zeros(model, rows)
+            if score.loss < least
+            and better_for_all(current, score, rows)
+            and _matters(tried, score, rows)
+        ]
+        if not found:
+            return model
+        model, _ = min(found, key=lambda pair: pair[1].loss)
+
+
+def _matters(model: Model, score: Score, rows: Rows) -> bool:
+    """Whether the torque of a model's last term is more than a small part of the effort."""
+    *_, (term, own) = model.split(score.coefficients)
+    torque = rows.stack(model.transformed(kept_columns(term)), len(term.kept)) @ own
+    efforts = sum(rows.effort_power(joint) for joint in rows.samples)
+    return bool(torque @ torque > MIN_TORQUE**2 * efforts)
 
 
 def for_offsets(model: Model, rows: Rows) -> Model:

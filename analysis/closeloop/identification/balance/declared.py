@@ -1,6 +1,6 @@
 """The model as declared: the rigid chain, the declared effects, and the loads that hang from it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -16,11 +16,11 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.session.contents import HungLoad
-from analysis.closeloop.session.link_torque import carriers
+from analysis.closeloop.session.link_torque import carriers, chain_motion
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, law_of
 from sim.effects.effect import Columns, Effect, Theta
-from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns
+from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns, load_parameters
 from sim.effects.rigid import point_mass
 
 PLACED = PlacedPayload()
@@ -149,6 +149,15 @@ def _joined(recording: Recording, terms: list[Term], rows: Rows) -> Model:
     return model
 
 
+def naming(recording: Recording, loads: Mapping[int, HungLoad]) -> Recording:
+    """Return the recording with trials that name loads, by the trials' numbers."""
+    trials = tuple(
+        replace(trial, payload=loads.get(number, trial.payload))
+        for number, trial in enumerate(recording.session.trials)
+    )
+    return replace(recording, session=replace(recording.session, trials=trials))
+
+
 def load_about(recording: Recording, load: HungLoad, place: np.ndarray) -> Term:
     """Return a term for a load that trials of the session name, about `place`, m, (3,)."""
     theta, chain = dict(zip(PLACE, place.tolist(), strict=True)), recording.device.model
@@ -177,7 +186,9 @@ def with_load(model: Model, rows: Rows, load: HungLoad) -> Model:
     if len(found.terms) == len(model.terms):
         return found
     moved = placed(at(_likeliest(model, rows, load, found.terms[-1].joint)), rows)
-    return moved if _misfit(moved, rows) < LESS * _misfit(found, rows) else found
+    # Where its link's axis goes through the origin no mass is felt there, and none is told.
+    less = LESS if 0 in found.terms[-1].kept else 1.0
+    return moved if _misfit(moved, rows) < less * _misfit(found, rows) else found
 
 
 def hung_again(model: Model, rows: Rows) -> Model:
@@ -238,26 +249,66 @@ def placed(model: Model, rows: Rows) -> Model:
     """Return the model with every payload where the fit says it hangs, by Gauss-Newton.
 
     And with every wrong zero of a robot where the fit says it is: its torque is a secant over the
-    zero itself, and next to another one the size that is fitted is another's.
+    zero itself, of the chain with the links and loads that were found.
     """
-    for _ in range(PLACE_STEPS):
+    for number in range(PLACE_STEPS):
         longest = 0.0
         terms = []
-        for term, own in model.split(evaluate(model, rows).coefficients):
+        fitted = list(model.split(evaluate(model, rows).coefficients))
+        hung = list(_changes(model, fitted))
+        for term, own in fitted:
             if isinstance(term.effect, PlacedPayload):
                 step = term.effect.way(dict(zip(term.kept, own.tolist(), strict=True)))
                 longest = max(longest, float(np.linalg.norm(step)))
                 term = _moved_by(model.recording, term, step)
             elif term.effect is ZERO and term.joint not in model.recording.limbs:
                 longest = max(longest, abs(float(own[0]) - term.theta["offset"]))
-                theta = {"offset": float(own[0])}
-                columns = ZERO.columns(unfitted(model.recording, term.joint), theta)
-                term = replace(term, theta=theta, columns=columns)
+                if hung and not number:
+                    # Its slope may be that of the chain before anything else was found.
+                    longest = np.inf
+                term = _zero_at(model.recording, term, float(own[0]), hung)
             terms.append(term)
         if longest < PLACE_TOLERANCE:
             break
         model = replace(model, terms=tuple(terms))
     return model
+
+
+def _changes(
+    model: Model, fitted: Sequence[tuple[Term, np.ndarray]]
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield bodies and by how much their inertial parameters differ from declared, (n or 1, 10)."""
+    recording = model.recording
+    if model.given is not None:
+        for body, change in model.given.changes.items():
+            yield body, change[None]
+    for term, own in fitted:
+        if isinstance(term.effect, PlacedPayload):
+            turn = load_parameters(np.array([term.theta[name] for name in PLACE]))
+            change = (turn[:, list(term.kept)] @ own)[None]
+            if term.load is None:
+                yield recording.body(term.joint), change
+            else:
+                body = recording.device.model.body(term.load.body).id
+                yield body, change * _carried(recording, term.load)
+
+
+def _zero_at(
+    recording: Recording, term: Term, offset: float, changes: Sequence[tuple[int, np.ndarray]]
+) -> Term:
+    """Return a wrong zero of another size: what links and loads that were found take moves, too."""
+    joint = term.joint
+    columns = dict(ZERO.columns(unfitted(recording, joint), {"offset": offset}))
+    if changes and offset:
+        there = recording.position.copy()
+        there[:, joint] -= offset
+        motion = there, recording.velocity, recording.acceleration
+        moved = chain_motion(recording.device.model, *motion)
+        for body, change in changes:
+            slope = (moved.link_torque(body) - recording.link_torque(body)) / offset
+            felt = np.einsum("njp,np->nj", slope, np.broadcast_to(change, (len(there), 10)))
+            columns = {number: own + felt[:, [number]] for number, own in columns.items()}
+    return replace(term, theta={"offset": offset}, columns=columns)
 
 
 def _moved_by(recording: Recording, term: Term, step: np.ndarray) -> Term:

@@ -91,6 +91,8 @@ class Given:
     candidate: Candidate | None = None
     #: Inertial parameters of every link by its name, (10,); empty unless they are what is given.
     links: Mapping[str, np.ndarray] = field(default_factory=dict)
+    #: By how much those differ from the declared, by the number of the body, (10,).
+    changes: Mapping[int, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,14 @@ def test_a_load_that_nobody_declared_is_no_error(
     load_session(folder.write())
 
 
+@pytest.mark.parametrize("constant", [1.0, 2.5, 5.0])
+def test_a_factor_that_may_be_masses_is_a_doubt(tmp_path: Path, constant: float) -> None:
+    folder = moved(tmp_path)
+    folder.table[:, EFFORT] *= constant
+    said = doubtful_units(load_session(folder.write()))
+    assert ["in gravity and inertia alike" in doubt for doubt in said] == [True] * (constant > 3.0)
+
+
 def test_friction_that_nobody_declared_is_no_error(tmp_path: Path) -> None:
     folder = moved(tmp_path)
     folder.table[:, EFFORT] += 30.0 * np.tanh(folder.table[:, 3] / 0.05)

@@ -94,4 +94,7 @@ def test_an_unnamed_load_has_an_interval_or_else_its_moments_alone(half: float, 
     assert entry["moments"]["value"] == [0.12, None, 0.0]
     assert entry["moments"]["ci90"][0] == pytest.approx([0.118, 0.122])
     (line,) = of_unnamed_loads([entry])
-    assert said in line and '"payload"' in line
+    assert said in line and '"payload"' in line and "factor" not in line
+    # Of one joint it may be a gain.
+    (line,) = of_unnamed_loads([entry], lone=True)
+    assert said in line and "unless its efforts have another factor" in line

@@ -14,11 +14,12 @@ from analysis.closeloop.identification.balance.model import Candidate, Model, ev
 from analysis.closeloop.identification.balance.regression import compare, select_rows
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option
+from analysis.closeloop.identification.nameable import beyond_physics
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from tests.testbed.sessions.coupled import measured, moving, traced
 
 
-@pytest.mark.parametrize("gain", [1.5, 0.4])
+@pytest.mark.parametrize("gain", [1.5, 0.4, 0.2])
 def test_one_factor_of_all_efforts_is_a_gain_of_every_joint(gain: float) -> None:
     arm = moving()
     torque = arm.rigid + 0.3 * np.sign(arm.velocity) + 0.2 * arm.velocity
@@ -27,10 +28,14 @@ def test_one_factor_of_all_efforts_is_a_gain_of_every_joint(gain: float) -> None
     assert {("torque_gain", joint) for joint in range(3)} <= set(found)
     assert LINK_INERTIA not in {name for name, _ in found}
     model, rows = next(iter(found.values())).taken.model, select_rows(recording, (0,))
-    coefficients = evaluate(model, rows).coefficients
+    score = evaluate(model, rows)
+    coefficients = score.coefficients
     assert gain_of_all(model, coefficients, rows) == pytest.approx(gain, rel=0.02)
     (said,) = untold_gain(model, coefficients, rows)
     assert f"{1.0 / gain:.2f} times their declared mass" in said
+    # However far from one: then no limit keeps its value from the report.
+    own = [candidate for candidate in model.effects if candidate.effect.name == "torque_gain"]
+    assert [beyond_physics(model, score, candidate) for candidate in own] == ["", "", ""]
 
 
 def test_a_gain_of_one_joint_is_none_of_all() -> None:
@@ -43,15 +48,18 @@ def test_a_gain_of_one_joint_is_none_of_all() -> None:
     assert gain_of_all(model, evaluate(model, rows).coefficients, rows) is None
 
 
-@pytest.mark.parametrize(("distance", "twins"), [(None, ["torque_gain"]), (0.6, [])])
+@pytest.mark.parametrize(
+    ("factor", "distance", "twins"),
+    [(1.5, None, ["torque_gain"]), (5.0, None, ["torque_gain"]), (1.0, 0.6, [])],
+)
 def test_a_payload_that_a_gain_would_do_for_says_so(
-    distance: float | None, twins: list[str]
+    factor: float, distance: float | None, twins: list[str]
 ) -> None:
     """At the centre of percussion a mass is a gain; far beyond it has more inertia."""
     both = moving()
     arm = replace(both, joints=(1,), effort=np.zeros_like(both.effort), cache={})
     rest, here = Model(arm), Candidate(effect=BY_NAME["payload"], joint=1)
-    torque = 1.5 * arm.inverse
+    torque = factor * arm.inverse
     if distance is not None:
         more = here.effect.columns(unfitted(arm, 1), {"distance": distance})[1]
         torque = arm.inverse + 0.2 * np.where(np.arange(3) == 1, more, 0.0)

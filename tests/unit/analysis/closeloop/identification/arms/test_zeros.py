@@ -32,6 +32,7 @@ from analysis.closeloop.identification.balance.model import (
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.session.link_torque import chain_motion
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.rigid import point_mass
@@ -170,7 +171,10 @@ def test_a_payload_and_a_wrong_zero_stand_for_links_that_do_what_both_do(both: b
     effort, zero, place = np.array(still.inverse), 0.08, np.array([0.15, 0.0, 0.05])
     if both:
         (body,) = last_links(still)
-        effort += 0.5 * (still.link_torque(body) @ point_mass(place))
+        there = still.position.copy()
+        there[:, SHOULDER] -= zero
+        hung = chain_motion(still.device.model, there, still.velocity, still.acceleration)
+        effort += 0.5 * (hung.link_torque(body) @ point_mass(place))
         effort -= zero * still.secant(SHOULDER, -zero, moving=True)
     else:
         away = np.array([0.1, 0.0, -0.15])
