@@ -17,7 +17,8 @@ from scipy.stats import norm
 
 from analysis.closeloop.identification.arms.agreed import CHANCE, MOST, sure
 from analysis.closeloop.identification.arms.links import last_links, links_of
-from analysis.closeloop.identification.arms.robot import weighed_by, with_ordinary
+from analysis.closeloop.identification.arms.ordinary import with_ordinary
+from analysis.closeloop.identification.arms.robot import weighed_by
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.balance.declared import declared_model, naming
 from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS

@@ -12,7 +12,8 @@ import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import MOST, SEVERAL, WORSE, sure
 from analysis.closeloop.identification.arms.links import Links, last_links, links_of
-from analysis.closeloop.identification.arms.robot import weighed_by, with_ordinary
+from analysis.closeloop.identification.arms.ordinary import with_ordinary
+from analysis.closeloop.identification.arms.robot import weighed_by
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.balance.declared import (
     declared_model,
