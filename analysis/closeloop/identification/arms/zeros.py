@@ -3,6 +3,8 @@
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from analysis.closeloop.identification.arms.agreed import better_for_all, shared_by_joints
 from analysis.closeloop.identification.arms.links import Links
 from analysis.closeloop.identification.arms.whole_fit import WholeFit, loaded
@@ -147,11 +149,16 @@ def for_rare(model: Model, rows: Rows, rare: Collection[tuple[str, int]]) -> Mod
 
 def _zeros(model: Model, rows: Rows) -> Iterator[tuple[Model, Score]]:
     """Yield the model with a wrong zero of each joint that has none yet."""
-    for zero in _missing(model, rows):
-        found = tried_alone(model, rows, zero)
-        if found is not None:
-            beside = placed(found[0], rows)
-            yield beside, evaluate(beside, rows)
+    tried = [tried_alone(model, rows, zero) for zero in _missing(model, rows)]
+    found = sorted((one for one in tried if one), key=lambda pair: pair[1].loss)
+    best = np.inf
+    for beside, score in found:
+        # What loses to one that is in its place already is not worth its own.
+        if score.loss < best:
+            beside = placed(beside, rows)
+            score = evaluate(beside, rows)
+            best = min(best, score.loss)
+        yield beside, score
 
 
 def _missing(model: Model, rows: Rows) -> Iterator[Candidate]:

@@ -36,6 +36,9 @@ from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Theta
 from sim.effects.motion import RecordedJoint
 
+#: Parameters of the simplest law.
+PLAINEST = min(effect.complexity for effect in EFFECTS if effect.rubs)
+
 
 def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
     """Return what was found, with the law of every joint's friction chosen where it may wind up.
@@ -62,6 +65,11 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     """Return what was found with one law in the place of a joint's friction, if it is another."""
     wound = winding_freely(grown.model, step.taken.candidate.joint, rows)
     current = evaluate(wound, rows)
+    missed = more_than_luck(grown.score.losses, current.losses, rows.fold_of_block, ALONE_Z)
+    named = sum(s.taken.candidate.effect.complexity for s in own)
+    if named == PLAINEST and not missed:
+        # No law is simpler, and a richer one needs turns that are missed.
+        return grown
     joint = _bare(grown, step.taken.candidate.joint)
     laws = list(_laws(rest, step.taken.candidate, rows, joint))
     if not laws:
@@ -71,11 +79,10 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     taken = min(as_good, key=lambda law: (law.candidate.effect.complexity, law.score.loss))
     if [s.key for s in own] == [taken.candidate.key]:
         return grown
-    named = sum(s.taken.candidate.effect.complexity for s in own)
     if taken.candidate.effect.complexity < named:
         if not predicts_as_well(taken.score, current):
             return grown
-    elif not _hidden(taken, grown, [current, *_same(laws, step)], rows):
+    elif not missed or not _hidden(taken, grown, [current, *_same(laws, step)], rows):
         return grown
     model = _turning_as_fits(taken, rest, rows, joint)
     score = evaluate(model, rows)
@@ -106,7 +113,7 @@ def _bare(grown: Grown, number: int) -> RecordedJoint:
 
 
 def _hidden(taken: Option, grown: Grown, wound: list[Score], rows: Rows) -> bool:
-    """Whether left-out rows miss the turns of what was found, and a richer law beside those.
+    """Whether left-out rows miss a richer law beside the turns of what was found.
 
     Args:
         taken: the richer law, free to wind up.
@@ -124,7 +131,6 @@ def _hidden(taken: Option, grown: Grown, wound: list[Score], rows: Rows) -> bool
     # A form of winding up that is a little wrong leaves something that another law takes.
     return (
         beside.loss - taken.score.loss > LARGE_GAIN * beside.loss
-        and more_than_luck(grown.score.losses, wound[0].losses, folds, ALONE_Z)
         # The best of all laws.
         and more_than_luck(beside.losses, taken.score.losses, folds)
     )
