@@ -16,6 +16,7 @@ import numpy as np
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
     LARGE_GAIN,
+    MIN_GAIN,
     more_than_luck,
     predicts_as_well,
 )
@@ -25,6 +26,7 @@ from analysis.closeloop.identification.balance.model import (
     Term,
     estimate_of,
     evaluate,
+    kept_columns,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
@@ -32,6 +34,7 @@ from analysis.closeloop.identification.candidates import has_ground
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.nameable import beyond_physics, lowest
 from analysis.closeloop.identification.presliding import TURNS, winding_freely
+from analysis.closeloop.session.signals import rms
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Theta
 from sim.effects.motion import RecordedJoint
@@ -123,17 +126,28 @@ def _hidden(taken: Option, grown: Grown, wound: list[Score], rows: Rows) -> bool
     """
     folds, joint = rows.fold_of_block, taken.candidate.joint
     # What a richer law winds up has more freedom, too: both get it.
-    free = winding_freely(taken.model, joint, rows).terms[len(taken.model.terms) :]
-    alike = grown.model
-    for term in free:
+    model, alike = winding_freely(taken.model, joint, rows), grown.model
+    for term in model.terms[len(taken.model.terms) :]:
         alike = with_independent(alike, term, rows)
     beside = min([*wound, evaluate(alike, rows)], key=lambda score: score.loss)
     # A form of winding up that is a little wrong leaves something that another law takes.
     return (
-        beside.loss - taken.score.loss > LARGE_GAIN * beside.loss
+        _adds(model, taken.score, joint, rows) > MIN_GAIN
+        and beside.loss - taken.score.loss > LARGE_GAIN * beside.loss
         # The best of all laws.
         and more_than_luck(beside.losses, taken.score.losses, folds)
     )
+
+
+def _adds(model: Model, score: Score, joint: int, rows: Rows) -> float:
+    """Return what a law adds to its first level over all its friction, in root mean square."""
+    first, whole = np.zeros(len(rows.samples[joint])), np.zeros(len(rows.samples[joint]))
+    for term, own in model.split(score.coefficients):
+        if term.rubs and term.joint == joint:
+            torque = kept_columns(term)[joint][rows.samples[joint]] * own
+            whole += torque.sum(axis=1)
+            first += torque[:, 0]
+    return rms(whole - first) / max(rms(whole), 1e-12)
 
 
 def _same(laws: list[Option], step: Step) -> list[Score]:
