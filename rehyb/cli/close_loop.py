@@ -13,6 +13,7 @@ import typer
 
 from rehyb.cli.answers import Answer, Token, Url, answering, study_submitted
 from rehyb.cli.options import check_submitted, optional
+from rehyb.cli.study.size import Yes, check_study
 from rehyb.client import Client, Json
 from rehyb.client.close_loops import close_loop_by_worker
 from rehyb.errors import Invalid, check_pictures, refusing
@@ -92,6 +93,7 @@ def with_effect(
     out: Annotated[
         Path | None, optional(metavar="FILE.json", help="Write the study instead of submitting.")
     ] = None,
+    yes: Yes = False,
     url: Url = None,
     token: Token = None,
 ) -> Answer:
@@ -103,6 +105,7 @@ def with_effect(
         out.write_text(json.dumps(study, indent=2) + "\n")
         return Answer({"file": str(out)}, f"{out}: submit it with rehyb study submit {out}")
     with Client(url, token) as client:
+        check_study(client, study, yes)
         return study_submitted(client.submit(study))
 
 
@@ -133,6 +136,7 @@ def of_session(
     out: Annotated[
         Path | None, optional(metavar="DIR", help="Write the model's folder instead of submitting.")
     ] = None,
+    yes: Yes = False,
     url: Url = None,
     token: Token = None,
 ) -> Answer:
@@ -164,8 +168,10 @@ def of_session(
             )
         with Client(url, token) as client:
             version = added(client, folder)
-            study = {"name": f"{called} as repaired", "model": version, "method": method}
-            return study_submitted(client.submit({**study, "rows": rows, "seed": seed}))
+            study: Json = {"name": f"{called} as repaired", "model": version, "method": method}
+            study |= {"rows": rows, "seed": seed}
+            check_study(client, study, yes)
+            return study_submitted(client.submit(study))
 
 
 def _lines(report: Json, out: Path) -> Iterator[str]:
