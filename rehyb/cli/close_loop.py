@@ -187,20 +187,20 @@ def _lines(report: Json, out: Path) -> Iterator[str]:
             yield f"    {name:20} {entry['value']: 9.4g} [{low:.4g}, {high:.4g}] {entry['unit']}"
         if effect["indistinguishable_from"]:
             yield f"    looks like {', '.join(effect['indistinguishable_from'])}"
+    if report["error"]["holdout"]:
+        yield "  held-out error (root mean square; the model as declared -> as repaired)"
     for joint, error in report["error"]["holdout"].items():
         floor = "no floor" if error["floor"] is None else f"floor {error['floor']:.4g}"
         yield (
-            f"  held-out error of {joint}: {error['before']:.4g} -> {error['after']:.4g} "
-            f"{error['unit']} ({floor})"
+            f"    {joint}: {error['before']:.4g} -> {error['after']:.4g} {error['unit']} ({floor})"
         )
     for joint, values in report["impedance"].items():
         k = values["stiffness"]
         yield f"  stiffness of {joint}: {k['before']:.4g} -> {k['after']:.4g} {k['unit']}"
     for joint, entry in report["unexplained"].items():
-        yield (
-            f"  unexplained at {joint}: {entry['rms']:.3g} {entry['unit']}, depends on "
-            f"{', '.join(entry['depends_on']) or 'nothing recorded'}"
-        )
+        yield f"  unexplained at {joint}: {entry['rms']:.3g} {entry['unit']}"
+        yield f"    rms of {entry['rms_of']}"
+        yield f"    depends on {', '.join(entry['depends_on']) or 'nothing recorded'}"
     for line in (*report["advice"], *report["warnings"]):
         yield f"  {line}"
     yield str(out / "report.html")
