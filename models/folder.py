@@ -260,7 +260,10 @@ def _digest(folder: Path) -> str:
     """Return a digest of the names and contents of a model's files."""
     digest = hashlib.sha256()
     for name in _names(folder):
-        with (folder / name).open("rb") as file:
-            content = hashlib.file_digest(file, "sha256").hexdigest()
+        try:
+            with (folder / name).open("rb") as file:
+                content = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            raise ModelError(f"cannot be read: {error.strerror}", file=name) from None
         digest.update(f"{name}\0{content}\0".encode())
     return digest.hexdigest()

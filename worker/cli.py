@@ -185,7 +185,8 @@ def work(
         }
         folder = spool or _default_spool(client.url)
         places = Places(fetch=client.model_archive, cache=_state() / "models")
-        places.have(models or (), allow or (), umbridge or ())
+        left_out = partial(logging.warning, "left out: %s")
+        places.have(models or (), allow or (), umbridge or (), left_out)
         beside = Pool(1, instance_seconds, memory_mb=memory_mb)
         canaries = Canaries(pool=beside)
         offered = WorkerModels(

@@ -20,11 +20,11 @@ class NoModelError(Exception):
     """A model cannot be had on this machine; the message says why."""
 
 
-def folders_in(paths: Sequence[Path]) -> Iterator[ModelFolder]:
-    """Read every model's folder among `paths` and directly in them.
+def folders_in(paths: Sequence[Path]) -> Iterator[Path]:
+    """Return every folder of a model among `paths` and directly in them.
 
     Raises:
-        ModelError: one of them cannot be used, or there is none in a path.
+        ModelError: there is none in a path.
     """
     for path in paths:
         found = (
@@ -34,12 +34,7 @@ def folders_in(paths: Sequence[Path]) -> Iterator[ModelFolder]:
         )
         if not found:
             raise ModelError(f"there is no such file in {path}, nor in a folder in it")
-        for folder in found:
-            try:
-                yield read_folder(folder)
-            except ModelError as error:
-                # Of many models it is this one.
-                raise ModelError(error.detail, file=str(folder / error.file)) from None
+        yield from found
 
 
 @dataclass(kw_only=True)
@@ -55,7 +50,11 @@ class Places:
     places: dict[str, Place] = field(default_factory=dict)
 
     def have(
-        self, folders: Sequence[Path], packages: Sequence[str], servers: Sequence[str]
+        self,
+        folders: Sequence[Path],
+        packages: Sequence[str],
+        servers: Sequence[str],
+        left_out: Callable[[str], None] | None = None,
     ) -> None:
         """Have the models that this machine's owner named.
 
@@ -64,18 +63,26 @@ class Places:
             packages: names of models that packages announce as `rehyb.models`.
             servers: URLs that speak UM-Bridge; the first that has a model of kind `umbridge`
                 evaluates it.
+            left_out: is told of each folder that cannot be used, as long as another can.
 
         Raises:
-            NoModelError: one of them cannot be used.
+            NoModelError: one of them cannot be used, or none of the folders.
         """
+        faults = []
         try:
-            for folder in folders_in(folders):
-                url = (
-                    _server_of(folder, servers) if folder.description.kind == Kind.UMBRIDGE else ""
-                )
-                self._add(folder.description, str(self._kept(folder)), url)
+            found = list(folders_in(folders))
         except ModelError as error:
             raise NoModelError(str(error)) from None
+        for folder in found:
+            try:
+                self._have(folder, servers)
+            except NoModelError as error:
+                faults.append(error)
+        if faults and (left_out is None or len(faults) == len(found)):
+            raise faults[0]
+        for fault in faults:
+            assert left_out is not None
+            left_out(str(fault))
         for name in packages:
             description = described(name)
             if description.name != name:
@@ -108,6 +115,17 @@ class Places:
         if version not in self.places:
             self._fetched(version)
         return self.places[version]
+
+    def _have(self, path: Path, servers: Sequence[str]) -> None:
+        """Have the model in a folder, of many; NoModelError names it."""
+        try:
+            folder = read_folder(path)
+            url = _server_of(folder, servers) if folder.description.kind == Kind.UMBRIDGE else ""
+            self._add(folder.description, str(self._kept(folder)), url)
+        except ModelError as error:
+            raise NoModelError(f"{path / error.file}: {error.detail}") from None
+        except NoModelError as error:
+            raise NoModelError(f"{path / MODEL_FILE}: {error}") from None
 
     def _add(self, description: Description, where: str, url: str = "") -> None:
         if description.name in built_in_models():

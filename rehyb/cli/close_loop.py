@@ -13,6 +13,7 @@ import typer
 
 from rehyb.cli.answers import Answer, Token, Url, answering, study_submitted
 from rehyb.cli.options import check_submitted, optional
+from rehyb.cli.study.size import Yes, check_study
 from rehyb.client import Client, Json
 from rehyb.client.close_loops import close_loop_by_worker
 from rehyb.errors import Invalid, check_pictures, refusing
@@ -92,6 +93,7 @@ def with_effect(
     out: Annotated[
         Path | None, optional(metavar="FILE.json", help="Write the study instead of submitting.")
     ] = None,
+    yes: Yes = False,
     url: Url = None,
     token: Token = None,
 ) -> Answer:
@@ -103,6 +105,7 @@ def with_effect(
         out.write_text(json.dumps(study, indent=2) + "\n")
         return Answer({"file": str(out)}, f"{out}: submit it with rehyb study submit {out}")
     with Client(url, token) as client:
+        check_study(client, study, yes)
         return study_submitted(client.submit(study))
 
 
@@ -133,6 +136,7 @@ def of_session(
     out: Annotated[
         Path | None, optional(metavar="DIR", help="Write the model's folder instead of submitting.")
     ] = None,
+    yes: Yes = False,
     url: Url = None,
     token: Token = None,
 ) -> Answer:
@@ -164,8 +168,10 @@ def of_session(
             )
         with Client(url, token) as client:
             version = added(client, folder)
-            study = {"name": f"{called} as repaired", "model": version, "method": method}
-            return study_submitted(client.submit({**study, "rows": rows, "seed": seed}))
+            study: Json = {"name": f"{called} as repaired", "model": version, "method": method}
+            study |= {"rows": rows, "seed": seed}
+            check_study(client, study, yes)
+            return study_submitted(client.submit(study))
 
 
 def _lines(report: Json, out: Path) -> Iterator[str]:
@@ -181,20 +187,20 @@ def _lines(report: Json, out: Path) -> Iterator[str]:
             yield f"    {name:20} {entry['value']: 9.4g} [{low:.4g}, {high:.4g}] {entry['unit']}"
         if effect["indistinguishable_from"]:
             yield f"    looks like {', '.join(effect['indistinguishable_from'])}"
+    if report["error"]["holdout"]:
+        yield "  held-out error (root mean square; the model as declared -> as repaired)"
     for joint, error in report["error"]["holdout"].items():
         floor = "no floor" if error["floor"] is None else f"floor {error['floor']:.4g}"
         yield (
-            f"  held-out error of {joint}: {error['before']:.4g} -> {error['after']:.4g} "
-            f"{error['unit']} ({floor})"
+            f"    {joint}: {error['before']:.4g} -> {error['after']:.4g} {error['unit']} ({floor})"
         )
     for joint, values in report["impedance"].items():
         k = values["stiffness"]
         yield f"  stiffness of {joint}: {k['before']:.4g} -> {k['after']:.4g} {k['unit']}"
     for joint, entry in report["unexplained"].items():
-        yield (
-            f"  unexplained at {joint}: {entry['rms']:.3g} {entry['unit']}, depends on "
-            f"{', '.join(entry['depends_on']) or 'nothing recorded'}"
-        )
+        yield f"  unexplained at {joint}: {entry['rms']:.3g} {entry['unit']}"
+        yield f"    rms of {entry['rms_of']}"
+        yield f"    depends on {', '.join(entry['depends_on']) or 'nothing recorded'}"
     for line in (*report["advice"], *report["warnings"]):
         yield f"  {line}"
     yield str(out / "report.html")

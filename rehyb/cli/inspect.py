@@ -47,7 +47,7 @@ def inspect(
     Exit status 2 if the log cannot be read; then nothing is written.
     """
     from analysis.closeloop.errors import SessionError
-    from analysis.closeloop.logs.draft import assigned, of_currents, write_session
+    from analysis.closeloop.logs.draft import assigned, of_currents, of_factors, write_session
     from analysis.closeloop.logs.inspection import believe, of_rates
     from analysis.closeloop.logs.joints import (
         joint_names,
@@ -60,12 +60,14 @@ def inspect(
     try:
         with needs_extra(file.name, "logs"), refusing(SessionError):
             log = read_log(file)
-            beliefs, named = assigned(believe(log, rate), said or ())
+            believed = believe(log, rate)
+            beliefs, named = assigned(believed, said or ())
             known = joints_in(model) if model else []
             joints = joint_names(beliefs, known)
             joints = [named.get(number, name) for number, name in enumerate(joints)]
             left = write_session(out, file.stem, beliefs, joints, model) if out else []
             left += of_currents(beliefs, joints) + of_other_joints(joints, known)
+            left += of_factors(believed, said or ())
             left += [] if named else of_only_joint(beliefs, known)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None

@@ -218,6 +218,8 @@ def _read(folder: Path) -> "ModelFolder":
     from models.built_in import built_in_models
     from models.folder import MODEL_FILE, ModelError, read_folder
 
+    if not (folder / MODEL_FILE).is_file() and (inner := sorted(folder.glob(f"*/{MODEL_FILE}"))):
+        raise Invalid(_of_many(folder, [path.parent for path in inner]))
     with refusing(ModelError):
         read = read_folder(folder)
     if read.description.name in built_in_models():
@@ -226,6 +228,19 @@ def _read(folder: Path) -> "ModelFolder":
             "another name"
         )
     return read
+
+
+def _of_many(folder: Path, inner: list[Path]) -> str:
+    """Say that a folder is not a model's, but holds some, and what is wrong with which."""
+    from models.folder import ModelError, read_folder
+
+    faults = []
+    for one in inner:
+        try:
+            read_folder(one)
+        except ModelError as error:
+            faults.append(f"; {one / error.file}: {error.detail}")
+    return f"{folder} holds {len(inner)} models: name one of them, as {inner[0]}{''.join(faults)}"
 
 
 def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]]:

@@ -13,6 +13,7 @@ import numpy as np
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.clock import stretches
+from analysis.closeloop.logs.inspection import is_in_degrees
 from analysis.closeloop.logs.joints import joint_name
 from analysis.closeloop.logs.log import Numbers
 from analysis.closeloop.logs.units import UNITS
@@ -72,6 +73,33 @@ def assigned(
         if match["time"]:
             _set_clock(chosen, at)
     return chosen, names
+
+
+def of_factors(beliefs: Sequence[Belief], lines: Sequence[str]) -> list[str]:
+    """Say of channels that were assigned without a factor that they seem to be in no SI unit.
+
+    Args:
+        beliefs: before what the user knows better.
+        lines: as `assigned` takes them.
+    """
+    by_name = {belief.channel.name: belief for belief in beliefs}
+    said = []
+    for match in filter(None, map(ASSIGNMENT.fullmatch, lines)):
+        belief, quantity = by_name[match["channel"]], match["quantity"] or match["time"]
+        unit, factor = belief.unit.rstrip("?"), f"{belief.scale:.6g}"
+        of_unit = UNITS[unit].quantity if unit in UNITS else ""
+        if (quantity, of_unit) == ("effort", "current"):
+            factor = f"NM_PER_{unit}"
+        elif quantity == "position" != of_unit and is_in_degrees(belief.channel.values):
+            unit, factor = "deg", f"{UNITS['deg'].scale:.6g}"
+        elif quantity not in (belief.quantity, of_unit):
+            continue
+        if match["scale"] is None and factor != "1":
+            said.append(
+                f"{belief.channel.name} seems to be in {unit}, and without a factor was taken for "
+                f"SI units: if it is in {unit}, say --as '{match[0]}*{factor}'"
+            )
+    return said
 
 
 def _set_clock(beliefs: list[Belief], at: int) -> None:

@@ -22,7 +22,7 @@ from analysis.closeloop.logs.belief import (
 )
 from analysis.closeloop.logs.clock import find_clock, set_rate
 from analysis.closeloop.logs.derivatives import find_derivatives, find_rate
-from analysis.closeloop.logs.log import Log
+from analysis.closeloop.logs.log import Log, Numbers
 from analysis.closeloop.logs.units import UNITS
 
 #: More than that of an angle in rad is two turns either way; a joint seldom does it.
@@ -76,14 +76,16 @@ def of_rates(log: Log, beliefs: Sequence[Belief]) -> list[str]:
     ]
 
 
+def is_in_degrees(angles: Numbers) -> bool:
+    """Whether angles, (n,), are too large for rad; one glitch makes no degrees."""
+    whole = np.abs(angles[np.isfinite(angles)])
+    return len(whole) > 0 and bool(np.quantile(whole, MOSTLY) > TURNS)
+
+
 def _find_units(beliefs: list[Belief]) -> None:
     """Guess angles of unknown unit by their size, with a "?", and say what each unit is in SI."""
     unsure = [b for b in beliefs if b.quantity == "position" and b.unit == "?"]
-    # One glitch makes no degrees.
-    largest = max(
-        (float(np.nanquantile(np.abs(b.channel.values), MOSTLY)) for b in unsure), default=0.0
-    )
-    unit = "deg" if largest > TURNS else "rad"
+    unit = "deg" if any(is_in_degrees(b.channel.values) for b in unsure) else "rad"
     guesses = {"position": f"{unit}?", "velocity": f"{unit}/s?"}
     for at, belief in enumerate(beliefs):
         own = belief.unit

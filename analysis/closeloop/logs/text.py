@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.log import Channel, Log
+from analysis.closeloop.logs.trials import join_trials
 from analysis.closeloop.logs.units import unit_of
 
 #: Of those in as many lines, the first: a decimal comma stands beside another separator.
@@ -84,6 +85,7 @@ def read(path: Path) -> Log:
             log.channels.append(Channel(name=name, values=values, unit="s" if stamps else None))
         else:
             log.remarks.append(f"{name} holds no numbers and was left out")
+    join_trials(log)
     return log
 
 

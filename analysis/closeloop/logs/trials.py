@@ -1,8 +1,8 @@
-"""Trials in one file: groups, or elements of a structure, that hold the same signals."""
+"""Trials in one file: groups, elements of a structure, or numbered names, of the same signals."""
 
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from analysis.closeloop.logs.belief import by_name
 from analysis.closeloop.logs.clock import find_clock
 from analysis.closeloop.logs.log import Channel, Log
+from analysis.closeloop.logs.units import split_unit
 from intake.xml import listed
 
 #: Words for what a movement that is recorded once more is called.
@@ -22,6 +23,13 @@ PARTS = {
     *("joint", "axis", "motor", "drive", "link", "sensor", "imu", "plate", "marker", "channel"),
     *("device", "j"),
 }
+#: Names of signals of which each is there once for each trial: `run2_q`, and `q2` or `q_run2`.
+NUMBERED = [
+    re.compile(rf"(?:{'|'.join(TRIALS)})[\W_]*(?P<trial>\d+)[\W_]+(?P<signal>.+)", re.IGNORECASE),
+    re.compile(
+        rf"(?P<signal>.+?)(?:[\W_]+(?:{'|'.join(TRIALS)}))?[\W_]*(?P<trial>\d+)", re.IGNORECASE
+    ),
+]
 #: Channels by their place in a file, `run_1`, and by name within it.
 Places = dict[str, dict[str, Channel]]
 
@@ -30,9 +38,10 @@ def join_trials(log: Log) -> None:
     """Join the signals that a log has once for each trial, in place; names are paths with `/`.
 
     Places with numbers in their names are trials if each has a clock, or if they are called so;
-    others, if each has a clock that no other has, a position and an effort.
+    others, if each has a clock that no other has, a position and an effort. Where names are
+    numbered, clocks too, the numbers are those of trials.
     """
-    while (found := _trials_in(log.channels)) is not None:
+    while (found := _numbered(log) or _trials_in(log)) is not None:
         parent, places = found
         common = _common(places)
         gone = {channel.name for place in places.values() for channel in place.values()}
@@ -74,10 +83,59 @@ def _named(path: str) -> str:
     return f"column {int(column[1]) + 1}" if column else path
 
 
-def _trials_in(channels: Sequence[Channel]) -> tuple[str, Places] | None:
-    """Return a place below which others are trials, the deepest first; its name ends in `/`."""
+def _numbered(log: Log) -> tuple[str, Places] | None:
+    """Return a place in which t1, q1 and tau1, t2, q2 and tau2 are trials, and these.
+
+    Joints share a clock; what has one for each number numbers trials. But the lines of a table are
+    of one moment, unless its columns end at different ones.
+    """
+    table = log.kind == "CSV"
     below: dict[str, Places] = defaultdict(lambda: defaultdict(dict))
-    for channel in channels:
+    for channel in log.channels:
+        path, column = re.split(r"(?=/\[\d+\]$|$)", channel.name, maxsplit=1)
+        parent, slash, last = ("", "", path) if table else path.rpartition("/")
+        rest, unit, sure = split_unit(last)
+        if found := next(filter(None, (form.fullmatch(rest.strip()) for form in NUMBERED)), None):
+            unit = (f" [{unit}]" if sure else f"_{unit}") if unit else ""
+            name = f"{found['signal']}{unit}{column}"
+            below[f"{parent}{slash}"][found["trial"]][name] = _ended(channel) if table else channel
+    for parent, places in below.items():
+        timed = {n: place for n, place in places.items() if "time" in _quantities(place, place)}
+        if len(timed) < 2 or None in [_clock([*place.values()]) for place in timed.values()]:
+            continue
+        ends = {
+            len(channel.values)
+            for place in timed.values()
+            for name, channel in place.items()
+            if "time" in _quantities(place, [name])
+        }
+        if table and len(ends) == 1:
+            continue
+        common = _common(timed)
+        said = {q for place in timed.values() for q in _quantities(place, common)}
+        parts = {word for name in common for word in re.findall("[a-z]+", name.lower())} & PARTS
+        if {"time", "position"} <= said and said & {"effort", "current"} and not parts:
+            return parent, dict(sorted(timed.items(), key=lambda item: int(item[0])))
+    return None
+
+
+def _quantities(place: dict[str, Channel], names: Iterable[str]) -> set[str]:
+    """Return what signals of a place are by their names there."""
+    return {by_name(replace(place[name], name=name)).quantity for name in names}
+
+
+def _ended(channel: Channel) -> Channel:
+    """Return a column of a table without the empty cells after its last number."""
+    whole = np.flatnonzero(np.isfinite(channel.values))
+    return replace(channel, values=channel.values[: whole[-1] + 1]) if len(whole) else channel
+
+
+def _trials_in(log: Log) -> tuple[str, Places] | None:
+    """Return a place below which others are trials, the deepest first; its name ends in `/`."""
+    if log.kind == "CSV":
+        return None
+    below: dict[str, Places] = defaultdict(lambda: defaultdict(dict))
+    for channel in log.channels:
         parts = channel.name.split("/")
         for at in range(len(parts) - 1):
             parent = "".join(f"{part}/" for part in parts[:at])

@@ -10,6 +10,7 @@ import typer
 from rehyb.again import Code, compared, evaluating, not_here
 from rehyb.cli.answers import Answer, answering, json_text, print_rows
 from rehyb.cli.options import AllowedPackages, ModelFolders, Servers, StudyId, optional
+from rehyb.cli.study.size import Yes, check_rows
 from rehyb.cli.study.studies import app
 from rehyb.client import Client, Json
 
@@ -46,8 +47,10 @@ def extend(
     client: Client,
     study: StudyId,
     rows: Annotated[int, typer.Option(min=1, help="How many it is to have in all.")],
+    yes: Yes = False,
 ) -> Answer:
     """Give a study more rows; the results that are there stay."""
+    check_rows(client, study, rows, yes)
     return _state(client.extend(study, rows))
 
 

@@ -9,6 +9,7 @@ import typer
 
 from rehyb.cli.answers import Answer, Token, Url, answering
 from rehyb.cli.options import Output, StudyId, Target, optional
+from rehyb.cli.study.size import Yes, check_rows
 from rehyb.client import Client, Json
 from rehyb.client.studies import ANALYSIS_SECONDS
 
@@ -22,6 +23,7 @@ def watch(
     ] = None,
     target: Target = None,
     output: Output = None,
+    yes: Yes = False,
     url: Url = None,
     token: Token = None,
 ) -> Answer:
@@ -33,6 +35,7 @@ def watch(
         raise typer.BadParameter("--target and --output need --up-to, the rows that it may cost")
     with Client(url, token) as client:
         if up_to is not None:
+            check_rows(client, study, up_to, yes)
             client.set_precision_goal(study, up_to, target, output)
         answer = wait_for_precision(client, study, as_json=as_json)
     return Answer(answer, status=0 if answer["reached"] else 1)

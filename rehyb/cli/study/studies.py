@@ -28,6 +28,7 @@ from rehyb.cli.options import (
     read_json,
 )
 from rehyb.cli.study.precision import wait_for_precision
+from rehyb.cli.study.size import Yes, check_study
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid
 
@@ -98,6 +99,7 @@ def submit(
             help="anthropometric: Table 1's factors spread and correlated as those of bodies are."
         ),
     ] = None,
+    yes: Yes = False,
     url: Url = None,
     token: Token = None,
 ) -> Answer:
@@ -123,6 +125,7 @@ def submit(
         },
     )
     with Client(url, token) as client:
+        check_study(client, study, yes)
         submitted = study_submitted(client.submit(study, idempotency_key=key))
         if up_to is None:
             return submitted

@@ -125,3 +125,15 @@ def test_what_to_do_next_can_be_typed_as_it_stands(run: Run, tmp_path: Path) -> 
 def test_an_output_that_nothing_moves_is_named(run: Run, tmp_path: Path) -> None:
     _, out, _ = run("model", "check", str(model(tmp_path, 'print(\'{"outputs": {"y": 0}}\')')))
     assert "y is the same at every point: nothing here moves it" in out
+
+
+def test_of_a_folder_of_models_it_says_which_is_wrong_and_how_to_look_at_one(
+    run: Run, tmp_path: Path
+) -> None:
+    model(tmp_path, "")
+    (tmp_path / "bent").mkdir()
+    (tmp_path / "bent" / "model.toml").write_text("[model]\nname = mine\n")
+    status, _, said = run("model", "check", str(tmp_path))
+    assert status == 2
+    assert f"{tmp_path} holds 2 models: name one of them, as {tmp_path}/a folder; " in said
+    assert f"{tmp_path}/bent/model.toml: is not TOML: Invalid value (at line 2, column 8)" in said

@@ -5,23 +5,43 @@ from typing import Any
 
 import pytest
 
+from analysis.closeloop.report.unexplained import OF_SIGNALS
 from rehyb.cli.close_loop import _lines, naming_older
 from rehyb.errors import Invalid
 
 
-@pytest.mark.parametrize(("floor", "said"), [(0.02, "floor 0.02"), (None, "no floor")])
-def test_a_channel_without_a_floor_is_printed_as_one(floor: float | None, said: str) -> None:
+def report(floor: float | None = 0.02) -> dict[str, Any]:
     error = {"before": 0.5, "after": 0.1, "floor": floor, "unit": "Nm"}
-    report: dict[str, Any] = {
+    left = {"rms": 0.7, "rms_of": OF_SIGNALS, "unit": "Nm", "depends_on": ["elbow.velocity"]}
+    return {
         "verdict": "unexplained",
         "effects": [],
         "error": {"holdout": {"elbow": error}},
         "impedance": {},
-        "unexplained": {},
+        "unexplained": {"elbow": left},
         "advice": [],
         "warnings": [],
     }
-    assert f"  held-out error of elbow: 0.5 -> 0.1 Nm ({said})" in [*_lines(report, Path("out"))]
+
+
+@pytest.mark.parametrize(("floor", "said"), [(0.02, "floor 0.02"), (None, "no floor")])
+def test_a_channel_without_a_floor_is_printed_as_one(floor: float | None, said: str) -> None:
+    assert f"    elbow: 0.5 -> 0.1 Nm ({said})" in [*_lines(report(floor), Path("out"))]
+
+
+def test_what_each_error_is_of_is_printed_beside_it() -> None:
+    """0.7 Nm unexplained of an error of 0.1 Nm: the one is of some samples, the other of all."""
+    lines = [*_lines(report(), Path("out"))]
+    assert lines == [
+        "unexplained",
+        "  held-out error (root mean square; the model as declared -> as repaired)",
+        "    elbow: 0.5 -> 0.1 Nm (floor 0.02)",
+        "  unexplained at elbow: 0.7 Nm",
+        f"    rms of {OF_SIGNALS}",
+        "    depends on elbow.velocity",
+        "out/report.html",
+    ]
+    assert max(map(len, lines)) <= 80
 
 
 def test_what_is_refused_says_that_a_report_in_the_folder_is_older(tmp_path: Path) -> None:

@@ -83,3 +83,10 @@ def test_a_unit_in_brackets_stands_in_the_table(tmp_path: Path) -> None:
     ran = CliRunner().invoke(app, ["inspect", str(tmp_path / "log.csv")], env={"COLUMNS": "160"})
     assert "Zeit [ms]" in ran.stdout and "Motorstrom [mA]" in ran.stdout
     assert "say --as 'Motorstrom [mA]=joint_1.effort*NM_PER_mA'" in ran.stdout
+
+
+def test_degrees_that_are_assigned_without_a_factor_are_said(tmp_path: Path) -> None:
+    ran = CliRunner().invoke(
+        app, ["inspect", str(log(tmp_path)), "--as", "column 2=elbow.position"]
+    )
+    assert "say --as 'column 2=elbow.position*0.0174533'" in ran.stdout

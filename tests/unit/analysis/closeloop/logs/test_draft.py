@@ -8,7 +8,7 @@ import pytest
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
-from analysis.closeloop.logs.draft import assigned, of_currents, write_session
+from analysis.closeloop.logs.draft import assigned, of_currents, of_factors, write_session
 from analysis.closeloop.logs.inspection import believe
 from analysis.closeloop.logs.joints import joint_names, joints_in, of_only_joint, of_other_joints
 from analysis.closeloop.logs.log import Channel, Log
@@ -208,3 +208,46 @@ def test_signals_that_are_never_in_one_sample_are_refused_by_name(tmp_path: Path
     chosen = a_log(time=TIME, angle=q, torque=u)
     with pytest.raises(SessionError, match="no sample has a number in each of angle, torque"):
         write_session(tmp_path / "s", "log", chosen, joint_names(chosen))
+
+
+@pytest.mark.parametrize(
+    ("channel", "line", "unit", "factor"),
+    [
+        # By its name, by its size, and by the size of an angle whose name says nothing.
+        ("Winkel [°]", "Winkel [°]=elbow.position", "deg", "0.0174533"),
+        ("angle", "angle=elbow.position", "deg", "0.0174533"),
+        ("phi", "phi=elbow.position", "deg", "0.0174533"),
+        ("speed_deg", "speed_deg=elbow.velocity", "deg", "0.0174533"),
+        ("M [mNm]", "M [mNm]=elbow.effort", "mNm", "0.001"),
+        ("strom_mA", "strom_mA=elbow.effort", "mA", "NM_PER_mA"),
+    ],
+)
+def test_another_unit_assigned_without_a_factor_is_told_with_what_to_type(
+    channel: str, line: str, unit: str, factor: str
+) -> None:
+    """An angle in degrees was taken for radians without a word."""
+    (said,) = of_factors(a_log(t=TIME, **{channel: 40 * np.sin(TIME)}), [line])
+    assert said == (
+        f"{channel} seems to be in {unit}, and without a factor was taken for SI units: if it is "
+        f"in {unit}, say --as '{line}*{factor}'"
+    )
+
+
+def test_a_clock_in_ms_is_told_as_well() -> None:
+    (said,) = of_factors(a_log(stamp=1e3 * TIME, q=np.sin(TIME)), ["stamp=time"])
+    assert said.endswith("say --as 'stamp=time*0.001'")
+
+
+@pytest.mark.parametrize(
+    ("channel", "line"),
+    [
+        ("Winkel [°]", "Winkel [°]=elbow.position*0.0174533"),
+        ("Winkel [°]", "Winkel [°]=elbow.position*1"),
+        ("Winkel [°]", "Winkel [°]=-"),
+        ("Winkel [rad]", "Winkel [rad]=elbow.position"),
+        ("M [Nm]", "M [Nm]=elbow.effort"),
+        ("phi", "phi=elbow.effort"),
+    ],
+)
+def test_a_factor_that_is_said_or_none_that_is_needed_is_no_matter(channel: str, line: str) -> None:
+    assert of_factors(a_log(t=TIME, **{channel: 40 * np.sin(TIME)}), [line]) == []

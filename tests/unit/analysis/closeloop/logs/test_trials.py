@@ -243,3 +243,79 @@ def test_stretches_are_cut_where_a_clock_begins_anew_and_where_trials_do() -> No
     assert stretches(np.concatenate([time, time + 50.0, time]), [8, 30]) == [
         *(slice(0, 8), slice(8, 16), slice(16, 24))
     ]
+
+
+def numbered(form: str, samples: int | None = None) -> dict[str, np.ndarray]:
+    """Return the signals of all trials as variables of names such as t1, q1, v1 and tau1."""
+    names = {"time": "t", "angle": "q", "x": "v", "torque": "tau"}
+    return {
+        form.format(names[name], number): values[:samples]
+        for number, trial in enumerate(trials(), start=1)
+        for name, values in trial.items()
+    }
+
+
+@pytest.mark.parametrize("samples", [None, 200])
+@pytest.mark.parametrize("form", ["{0}{1}", "{0}_{1}", "{0}_run{1}", "trial{1}_{0}"])
+def test_variables_numbered_with_their_clocks_are_trials(
+    tmp_path: Path, form: str, samples: int | None
+) -> None:
+    """They were taken for joints, of which all but those of one clock were left out."""
+    told, tables, remarks = session_of(
+        matlab(tmp_path, **numbered(form, samples)), tmp_path / "session"
+    )
+    assert [trial["label"] for trial in told] == ["trial 1", "trial 2", "trial 3"]
+    for table, trial in zip(tables, trials(), strict=True):
+        assert table[:, 2] == pytest.approx(trial["torque"][:samples], abs=1e-8)
+    assert not any("left out" in remark for remark in remarks)
+
+
+def test_joints_numbered_within_trials_stay_joints(tmp_path: Path) -> None:
+    content = {}
+    for number, trial in enumerate(trials(), start=1):
+        content[f"time_{number}"] = trial["time"]
+        content[f"q1_{number}"], content[f"q2_{number}"] = trial["angle"], 2 * trial["angle"]
+        content[f"tau_{number}"] = np.column_stack([trial["torque"], trial["x"]])
+    log = matlab(tmp_path, **content)
+    assert [c.name for c in log.channels] == ["time", "q1", "q2", "tau[0]", "tau[1]"]
+    assert {len(c.values) for c in log.channels} == {sum(LENGTHS)}
+
+
+@pytest.mark.parametrize(
+    "form", ["{0}_joint{1}", "motor{1}_{0}", "{0}{1} [sensor]", "{0}x{1}_", "J{1}.{0}"]
+)
+def test_what_names_parts_numbers_no_trials(tmp_path: Path, form: str) -> None:
+    log = log_of("MATLAB", numbered(form).items())
+    assert len(log.channels) == 12 and not log.remarks
+
+
+def test_one_clock_of_numbered_joints_numbers_no_trials(tmp_path: Path) -> None:
+    signals = numbered("{0}{1}", 200)
+    del signals["t2"], signals["t3"]
+    assert len(log_of("MATLAB", signals.items()).channels) == 10
+
+
+def test_columns_of_a_table_are_trials_only_if_they_end_at_different_lines(tmp_path: Path) -> None:
+    """Lines are of one moment: drives may have a clock each."""
+
+    def read(signals: Mapping[str, np.ndarray]) -> Log:
+        length = max(map(len, signals.values()))
+        cells = [
+            [f"{v[n]:.6f}" if n < len(v) else "" for v in signals.values()] for n in range(length)
+        ]
+        lines = [";".join(row) for row in [[*signals], *cells]]
+        (tmp_path / "log.csv").write_text("\n".join(lines))
+        return read_log(tmp_path / "log.csv")
+
+    assert len(read(numbered("{0}{1}", 200)).channels) == 12
+    short = numbered("{0}{1}", 200) | {"emg1": np.arange(190.0), "emg2": np.arange(180.0)}
+    assert len(read(short).channels) == 14
+    empty = {"f1": np.full(300, np.nan), "f2": np.full(300, np.nan)}
+    assert len(read(numbered("{0}{1}") | empty).channels) == 4
+    units = {"t": "s", "q": "rad", "v": "rad/s", "tau": "Nm"}
+    with_units = {
+        f"{name} [{units[name[:-1]]}]": values for name, values in numbered("{0}{1}").items()
+    }
+    told, tables, _ = session_of(read(with_units), tmp_path / "session")
+    assert [len(table) for table in tables] == [*LENGTHS]
+    assert [trial["label"] for trial in told] == ["trial 1", "trial 2", "trial 3"]
