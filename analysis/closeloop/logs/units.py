@@ -23,6 +23,7 @@ class Unit:
 UNITS: Mapping[str, Unit] = {
     "rad": Unit("position", 1.0),
     "deg": Unit("position", pi / 180),
+    "mdeg": Unit("position", pi / 180_000),
     "mrad": Unit("position", 1e-3),
     "turns": Unit("position", 2 * pi, tells=False),
     "m": Unit("position", 1.0, tells=False),
@@ -62,7 +63,7 @@ UNITS: Mapping[str, Unit] = {
 _MARK = "[- _.·⋅*]?"
 #: Other spellings of their parts, in lower case; those of a longer word come first.
 SPELLINGS = (
-    (r"°|\bdegrees?|\bgrad\b", "deg"),
+    (r"°|\bdegrees?|\bdegr[eé]s?|\bgrad(os|i)?\b", "deg"),
     (r"\bradians?", "rad"),
     ("μ", "u"),
     (r"sec(ond)?s?\b|sek\b", "s"),
