@@ -39,6 +39,7 @@ from analysis.closeloop.report.page import write_page
 from analysis.closeloop.report.plain import finite
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.report.still import still_answer
+from analysis.closeloop.session.reading import said_of_unread
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import TRAVEL
 from analysis.closeloop.units import doubtful_units
@@ -127,11 +128,7 @@ def close_loop(
     report = found.report
     for trial in found.recording.session.trials:
         report["warnings"] += [f"{trial.file}: {repair}" for repair in trial.repairs]
-    if found.recording.session.unknown:
-        report["warnings"].append(
-            f"session.json: {', '.join(found.recording.session.unknown)} mean nothing and were "
-            "not read"
-        )
+    report["warnings"] += said_of_unread(found.recording.session.unknown)
     report["warnings"] += doubtful_units(found.recording)
     report["warnings"] += doubtful_gravity(found.recording)
     xml, elements, warnings = repaired_model(found.recording.device, report)

@@ -54,6 +54,7 @@ def inspect(
         joints_in,
         of_only_joint,
         of_other_joints,
+        of_parted_joints,
     )
     from analysis.closeloop.logs.reading import read_log
 
@@ -67,6 +68,7 @@ def inspect(
             joints = [named.get(number, name) for number, name in enumerate(joints)]
             left = write_session(out, file.stem, beliefs, joints, model) if out else []
             left += of_currents(beliefs, joints) + of_other_joints(joints, known)
+            left += of_parted_joints(beliefs, joints)
             left += of_factors(believed, said or ())
             left += [] if named else of_only_joint(beliefs, known)
     except ValueError as error:

@@ -11,12 +11,12 @@ from analysis.closeloop.logs.units import UNITS, split_unit
 
 #: Words that name a quantity.
 WORDS: Mapping[str, tuple[str, ...]] = {
-    "time": ("time", "timestamp", "stamp", "t", "sec", "secs", "msec", "clock"),
-    "position": ("position", "pos", "q", "angle", "theta"),
+    "time": ("time", "timestamp", "stamp", "t", "sec", "secs", "msec", "clock", "zeit"),
+    "position": ("position", "pos", "q", "angle", "theta", "winkel"),
     "velocity": ("velocity", "vel", "qd", "dq", "v", "qdot", "speed", "omega"),
     "acceleration": ("acceleration", "acc", "qdd", "ddq", "qddot"),
-    "effort": ("effort", "eff", "torque", "tau", "force", "trq", "moment"),
-    "current": ("current", "curr", "i", "amp", "amps"),
+    "effort": ("effort", "eff", "torque", "tau", "force", "trq", "moment", "drehmoment"),
+    "current": ("current", "curr", "i", "amp", "amps", "strom"),
 }
 #: Words of a name that say nothing of the joint.
 SPARE = ("deg", "rad", "s", "mm", "m", "nm", "n", "ma", "measured", "actual", "data")

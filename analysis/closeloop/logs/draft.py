@@ -20,6 +20,13 @@ from analysis.closeloop.logs.units import UNITS
 from intake.xml import listed
 
 SIGNALS = ("position", "velocity", "acceleration", "effort")
+#: What signals without any unit are taken for.
+WITHOUT_UNIT = {
+    "position": "rad",
+    "velocity": "rad/s or m/s",
+    "acceleration": "rad/s2 or m/s2",
+    "effort": "Nm or N",
+}
 #: What a line that assigns a channel looks like: "column 14=elbow.effort*11.976", "u_V=-".
 ASSIGNMENT = re.compile(
     r"(?P<channel>.+)=(?:(?P<joint>[^=*]+)\.(?P<quantity>\w+)|(?P<time>time)|-)(?:\*(?P<scale>.+))?"
@@ -198,12 +205,7 @@ def write_session(
         if own is None or len(own) != len(time) or not np.array_equal(own, time):
             del taken[name]
             remarks.append(f"{belief.channel.name} has another clock and was left out")
-        elif belief.unit.endswith("?"):
-            unit = belief.unit.rstrip("?") or "SI units"
-            remarks.append(
-                f"{belief.channel.name} is taken for {name} in {unit}; if it is not, say "
-                f"--as '{belief.channel.name}={name}*FACTOR_TO_SI'"
-            )
+    remarks += _of_unsure(taken)
     table = np.column_stack([time, *(b.scale * b.channel.values for b in taken.values())])
     whole = np.asarray(np.isfinite(table).all(axis=1))
     if not whole.any():
@@ -243,6 +245,27 @@ def write_session(
         remarks.append(f"put the robot's MJCF or URDF into the folder as {name}")
     session = {"schema": 1, "model": name, "trials": trials}
     (folder / "session.json").write_text(json.dumps(session, indent=2) + "\n")
+    return remarks
+
+
+def _of_unsure(taken: Mapping[str, Belief]) -> list[str]:
+    """Say in which unit signals whose unit nobody wrote are taken, those of one unit at once."""
+    unsure: dict[tuple[str, str], list[str]] = {}
+    for name, belief in taken.items():
+        if belief.unit.endswith("?"):
+            quantity = name.rpartition(".")[2]
+            unit = belief.unit.rstrip("?") or WITHOUT_UNIT[quantity]
+            unsure.setdefault((quantity, unit), []).append(name)
+    remarks = []
+    for (quantity, unit), names in unsure.items():
+        channels = [taken[name].channel.name for name in names]
+        what = (
+            f"{names[0]} in {unit}; if it" if len(names) == 1 else f"{quantity} in {unit}; if one"
+        )
+        remarks.append(
+            f"{listed(channels)} {'is' if len(names) == 1 else 'are'} taken for {what} is not, say "
+            f"--as '{channels[0]}={names[0]}*FACTOR_TO_SI'"
+        )
     return remarks
 
 

@@ -73,6 +73,23 @@ def of_other_joints(names: Sequence[str], known: Sequence[str]) -> list[str]:
     ]
 
 
+def of_parted_joints(beliefs: Sequence[Belief], names: Sequence[str]) -> list[str]:
+    """Say of efforts without a position beside positions without an effort how to join them."""
+    having: dict[str, dict[int, str]] = {"position": {}, "effort": {}}
+    for belief in beliefs:
+        quantity = "effort" if belief.quantity == "current" else belief.quantity
+        if quantity in having and belief.joint is not None and not belief.wanted:
+            having[quantity].setdefault(belief.joint, belief.channel.name)
+    position, effort = having["position"], having["effort"]
+    spare = [names[joint] for joint in position if joint not in effort]
+    return [
+        f"{names[joint]} has an effort and no position, {listed(spare)} no effort: if they are one "
+        f"joint, say --as '{channel}={spare[0]}.effort*FACTOR_TO_SI'"
+        for joint, channel in effort.items()
+        if joint not in position and spare
+    ]
+
+
 def joints_in(model: Path) -> list[str]:
     """Return the names of the hinges and slides of an MJCF or URDF file, in the file's order.
 

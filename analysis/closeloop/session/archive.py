@@ -35,6 +35,10 @@ def unpacked(path: Path) -> Iterator[Path]:
     def wrong(detail: str) -> SessionError:
         return SessionError(detail, file=path.name)
 
+    if path.name == SESSION_FILE and path.is_file():
+        raise wrong("is a part of a session: name the folder that it is in")
+    if path.suffix == ".csv" and path.is_file():
+        raise wrong(f"is no session: `rehyb inspect {path.name} --out DIR` writes one of it")
     with tempfile.TemporaryDirectory(prefix="rehyb-session-") as scratch:
         # Reports call a session by its folder's name.
         folder = Path(scratch) / (re.sub(r"[^\w.-]", "_", path.stem).strip(".") or "session")

@@ -4,8 +4,9 @@ Whatever is wrong is a `SessionError` that names the file, and the field where t
 """
 
 import json
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from math import inf
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -96,6 +97,12 @@ def read_json(
         raise SessionError("holds a number with too many digits", file=name) from None
 
 
+def like(name: str, others: Iterable[str]) -> list[str]:
+    """Return the one of `others` that a slip of the pen makes of a name, if there is one."""
+    plain = {other.lower(): other for other in others}
+    return [plain[near] for near in get_close_matches(name.lower(), plain, n=1, cutoff=0.75)]
+
+
 @dataclass(frozen=True)
 class Fields:
     """One JSON object of a file, whose fields are taken by name and checked."""
@@ -117,8 +124,15 @@ class Fields:
         """Return an error about a field, or about this object if the name is empty."""
         return SessionError(f"{self.path(name)} {detail}", file=self.file)
 
+    def there(self, name: str) -> None:
+        """Raise a SessionError unless a field is there; of a slip of the pen it says so."""
+        if name not in self.content:
+            near = "".join(f"; is {other} meant?" for other in like(name, self.content))
+            raise self.wrong(name, f"is missing{near}")
+
     def text(self, name: str) -> str:
         """Return a text that must be there and not be empty."""
+        self.there(name)
         value = self.get(name)
         if not isinstance(value, str) or not value:
             raise self.wrong(name, f"must be a name, not {value!r}")

@@ -17,7 +17,7 @@ from analysis.closeloop.session.contents import (
     Session,
     Trial,
 )
-from analysis.closeloop.session.files import SESSION_FILE, Fields, inside, read_json
+from analysis.closeloop.session.files import SESSION_FILE, Fields, inside, like, read_json
 from sim.effects.catalogue import VISCOELASTIC, law_of
 
 MAX_TRIALS = 200
@@ -129,6 +129,17 @@ def _unread(content: Any, known: Mapping[str, Any] | None, where: str = "") -> I
                 yield place
 
 
+def said_of_unread(unknown: Sequence[str]) -> list[str]:
+    """Say which keys mean nothing, and for which others they may stand."""
+    if not unknown:
+        return []
+    known = {*_KEYS, *_KEYS["trials"], *_KEYS["declared_effects"], *_KEYS["subject"]}
+    near = dict.fromkeys(one for key in unknown for one in like(key.rpartition(".")[2], known))
+    said = "means nothing and was" if len(unknown) == 1 else "mean nothing and were"
+    asked = f": is {' or '.join(near)} meant?" if near else ""
+    return [f"{SESSION_FILE}: {', '.join(unknown)} {said} not read{asked}"]
+
+
 def _declared(fields: Fields, known_effects: Collection[str]) -> tuple[DeclaredEffect, ...]:
     declared: list[DeclaredEffect] = []
     for number, entry in enumerate(fields.entries("declared_effects")):
@@ -165,6 +176,7 @@ def _only_where_limbs_are(
 
 def _trials(fields: Fields, folder: Path, filter_hz: float | None) -> tuple[Trial, ...]:
     session_map = read_map(fields, "columns", folder)
+    fields.there("trials")
     entries = fields.get("trials")
     if not isinstance(entries, list) or not entries:
         raise fields.wrong("trials", "must list at least one trial")

@@ -15,7 +15,7 @@ from analysis.closeloop.session.columns import (
     translated,
 )
 from analysis.closeloop.session.contents import Trial
-from analysis.closeloop.session.files import read_text
+from analysis.closeloop.session.files import like, read_text
 from intake.xml import listed
 
 TIME = "time"
@@ -55,7 +55,7 @@ def read_trial(
         raise SessionError("holds a zero byte; is it a CSV file?", file=trial.file, line=line)
     if trial.source is not None:
         names, table, first, repairs = translated(text, trial.file, trial.source)
-        _check_header(names, trial.file, joints, declared)
+        repairs += _check_header(names, trial.file, joints, declared)
         lines = np.arange(first, first + len(table))
     else:
         names, table, lines, repairs = _own_table(text, trial.file, joints, declared)
@@ -97,13 +97,15 @@ def _own_table(
             "of session.json; decimals need a point there, too"
         )
         raise SessionError(why, file=file, line=1)
-    _check_header(names, file, joints, declared)
-    return names, *_numbers(body, names, file)
+    doubts = _check_header(names, file, joints, declared)
+    table, lines, repairs = _numbers(body, names, file)
+    return names, table, lines, doubts + repairs
 
 
 def _check_header(
     names: list[str], file: str, joints: tuple[str, ...], declared: tuple[str, ...]
-) -> None:
+) -> list[str]:
+    """Return in sentences which columns may be efforts by a slip of the pen."""
     if len(names) > MAX_COLUMNS:
         raise SessionError(f"has {len(names)} columns; at most {MAX_COLUMNS}", file=file, line=1)
     for number, name in enumerate(names):
@@ -129,7 +131,15 @@ def _check_header(
     if missing:
         name, *others = missing
         too = f"; so are {listed(others)}" if others else ""
+        too += "".join(f"; is {other} meant?" for other in like(name, {*names} - needed.keys()))
         raise SessionError(f"is missing; {needed[name]}{too}", file=file, column=name, line=1)
+    spare = [n for n in names if n.endswith(".effort") and n not in efforts]
+    return [
+        f"column {other} is no joint's of the model, and {name} is missing: is it meant?"
+        for name in efforts
+        if name not in names
+        for other in like(name, spare)
+    ]
 
 
 def _numbers(body: str, names: list[str], file: str) -> tuple[np.ndarray, np.ndarray, list[str]]:

@@ -115,6 +115,14 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "a number without end": (raw(b'{"schema": ' + b"1" * 5000 + b"}"), "too many digits"),
     "a huge file": (raw(b" " * 1_000_001), "larger than"),
     "a text for a schema": (words(schema="1"), "schema must be 1"),
+    "a slip in the key of the model": (
+        raw(b'{"schema": 1, "modell": "device.xml"}'),
+        "model is missing; is modell meant",
+    ),
+    "a slip in the key of the trials": (
+        raw(b'{"schema": 1, "model": "device.xml", "trails": []}'),
+        "trials is missing; is trails meant",
+    ),
     "no model": (words(model=None), "model must be a name"),
     "a model of zero bytes in its name": (words(model="a\0b"), "relative path"),
     "a model of half a letter": (words(model="\ud800.xml"), "cannot be the name of a file"),

@@ -10,7 +10,13 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.draft import assigned, of_currents, of_factors, write_session
 from analysis.closeloop.logs.inspection import believe
-from analysis.closeloop.logs.joints import joint_names, joints_in, of_only_joint, of_other_joints
+from analysis.closeloop.logs.joints import (
+    joint_names,
+    joints_in,
+    of_only_joint,
+    of_other_joints,
+    of_parted_joints,
+)
 from analysis.closeloop.logs.log import Channel, Log
 
 TIME = np.arange(0.0, 4.0, 0.01)
@@ -251,3 +257,27 @@ def test_a_clock_in_ms_is_told_as_well() -> None:
 )
 def test_a_factor_that_is_said_or_none_that_is_needed_is_no_matter(channel: str, line: str) -> None:
     assert of_factors(a_log(t=TIME, **{channel: 40 * np.sin(TIME)}), [line]) == []
+
+
+def test_an_effort_and_a_position_whose_names_part_them_are_told_with_what_to_type() -> None:
+    """A unit that is none of ours was taken for a part of the joint's name."""
+    found = a_log(t=TIME, elbow_pos=np.sin(TIME), **{"elbow torque [% rated]": np.cos(TIME)})
+    assert of_parted_joints(found, joint_names(found)) == [
+        "elbow_rated has an effort and no position, elbow no effort: if they are one joint, say "
+        "--as 'elbow torque [% rated]=elbow.effort*FACTOR_TO_SI'"
+    ]
+    found = a_log(t=TIME, a_pos=np.sin(TIME), a_torque=np.cos(TIME), b_torque=np.sin(2 * TIME))
+    assert of_parted_joints(found, joint_names(found)) == []
+
+
+def test_signals_of_one_kind_without_a_unit_are_told_of_at_once(tmp_path: Path) -> None:
+    """There was a line for each of the eighteen signals of a robot."""
+    signals = {"a_pos": np.sin(TIME), "b_pos": np.cos(TIME), "a_torque": TIME**2, "t": TIME}
+    chosen = a_log(**signals)
+    said = write_session(tmp_path / "s", "log", chosen, joint_names(chosen))
+    assert said[:2] == [
+        "a_pos, b_pos are taken for position in rad; if one is not, say --as "
+        "'a_pos=a.position*FACTOR_TO_SI'",
+        "a_torque is taken for a.effort in Nm or N; if it is not, say --as "
+        "'a_torque=a.effort*FACTOR_TO_SI'",
+    ]

@@ -137,6 +137,12 @@ def test_what_is_no_sound_zip_is_said(
     refused(tmp_path / "s.zip", words)
 
 
+def test_a_part_of_a_session_and_a_log_are_told_from_one(tmp_path: Path) -> None:
+    for name, words in (("session.json", "name the folder"), ("a.csv", "`rehyb inspect a.csv")):
+        (tmp_path / name).write_text("time")
+        refused(tmp_path / name, words)
+
+
 def test_a_zip_without_a_session_is_said(tmp_path: Path) -> None:
     refused(zipped(tmp_path / "s.zip", {"x/a.csv": b"", "y/session.json": b""}), "holds no session")
 

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import close_loop
+from analysis.closeloop.session.reading import said_of_unread
 from rehyb.cli import app
 from tests.testbed.sessions.bad import BAD, model, words
 from tests.testbed.sessions.small import HEADER, Folder, rows
@@ -50,6 +51,39 @@ def test_the_sound_session_is_read_and_what_nobody_reads_is_told(folder: Path) -
         "trials[0].groupe",
         "trials[0].added_mass.place",
     }
+
+
+def test_a_key_that_means_nothing_is_told_with_the_one_that_it_resembles() -> None:
+    assert said_of_unread(()) == []
+    assert said_of_unread(("mine",)) == ["session.json: mine means nothing and was not read"]
+    assert said_of_unread(("graviti", "trials[0].gruop")) == [
+        "session.json: graviti, trials[0].gruop mean nothing and were not read: "
+        "is gravity or group meant?"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("column", "near"),
+    [("elbow.position", "Elbow.position"), ("elbow.position", "elbo.position"), ("time", "Time")],
+)
+def test_a_column_that_is_missing_is_told_with_the_one_that_it_resembles(
+    folder: Path, column: str, near: str
+) -> None:
+    text = (folder / "a.csv").read_text()
+    (folder / "a.csv").write_text(text.replace(column, near, 1))
+    with pytest.raises(SessionError, match=rf"{column}.* is missing; .*; is {near} meant\?$"):
+        load_session(folder)
+
+
+def test_an_effort_lost_by_a_slip_of_the_pen_is_told(folder: Path) -> None:
+    """The joint went without an effort, and nobody was told."""
+    text = (folder / "a.csv").read_text()
+    (folder / "a.csv").write_text(text.replace("elbow.velocity", "sholder.effort", 1))
+    (trial,) = load_session(folder).session.trials
+    assert trial.repairs == (
+        "column sholder.effort is no joint's of the model, and shoulder.effort is missing: is it "
+        "meant?",
+    )
 
 
 def test_files_saved_with_a_byte_order_mark_are_read(folder: Path) -> None:
