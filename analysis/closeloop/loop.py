@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
-from analysis.closeloop.identification.arms.carried import supposing_loads
-from analysis.closeloop.identification.arms.lone_joint import supposing_lone_loads
 from analysis.closeloop.identification.arms.skew import synchronised
-from analysis.closeloop.identification.arms.unlike import supposing_held_out
 from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.sticking import driven, samples_step
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.interface import beyond_interface
+from analysis.closeloop.identification.loads.carried import supposing_loads
+from analysis.closeloop.identification.loads.lone_joint import supposing_lone_loads
+from analysis.closeloop.identification.loads.unlike import supposing_held_out
 from analysis.closeloop.identification.tracing import trace
 from analysis.closeloop.identification.winding import wound_up
 from analysis.closeloop.judgement.agreement import agreed

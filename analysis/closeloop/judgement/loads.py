@@ -1,6 +1,6 @@
 """Trials that carry something the others do not, though nobody said so.
 
-Fitted trials are asked before anything else (`identification.arms.carried`). Here what is left of
+Fitted trials are asked before anything else (`identification.loads.carried`). Here what is left of
 the others, held-out ones among them, is looked at as if they had named a payload, and the user is
 asked.
 """

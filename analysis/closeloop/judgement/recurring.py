@@ -10,7 +10,8 @@ from analysis.closeloop.session.recording import Recording
 #: Time to a place that is another one, s.
 ELSEWHERE = 1.0
 #: How near another pass is (in deviations of place, speed and acceleration), which share of the
-#: residual makes it the same, and of which share of such rows that is so.
+#: residual makes it the same, and of which share of such rows that is so. (The last was a third of
+#: the passes, until an opponent pushed twice in the same motion.)
 NEAR, ALIKE, MOSTLY = 0.3, 0.4, 0.5
 
 

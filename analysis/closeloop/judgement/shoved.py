@@ -43,7 +43,7 @@ def away_events(recording: Recording, joint: int) -> Iterator[Event]:
     for piece, place in zip(recording.slices, places, strict=True):
         moves = np.abs(recording.velocity[piece, joint]) > PEAK * usual / REST
         torque = (recording.effort - recording.static)[piece, joint]
-        for run in _between_rests(moves, recording.rate, AWAY):
+        for run in _between_rests(moves, recording.rate):
             rested = slice(run.start - int(REST * recording.rate), run.start)
             away = place[run] - np.median(place[rested])
             push = torque[run] - np.median(torque[rested])
@@ -91,16 +91,17 @@ def shoved_events(
         trial = int(recording.trial[piece.start])
         velocity, effort = (x[piece, joint] for x in (recording.velocity, recording.effort))
         noise = noise_of(recording.raw_effort(trial, joint))
-        for run in _between_rests(~recording.resting(joint, piece), rate, AWAY):
+        place = recording.position[piece, joint]
+        calm = np.ones(len(place), dtype=bool)
+        for other in others:
+            calm &= recording.resting(other, piece)
+        for run in _between_rests(~recording.resting(joint, piece), rate):
             before = slice(run.start - int(REST * rate), run.start)
-            after = slice(run.stop, run.stop + int(REST * rate))
-            away = recording.position[piece, joint] - np.median(
-                recording.position[piece, joint][before]
-            )
-            out = slice(run.start, run.start + int(np.argmax(np.abs(away[run]))) + 1)
-            rest = all(recording.resting(other, piece)[before].all() for other in others)
-            if not rest:
+            if not calm[before].all():
                 continue
+            after = slice(run.stop, run.stop + int(REST * rate))
+            away = np.abs(place[run] - np.median(place[before]))
+            out = slice(run.start, run.start + int(np.argmax(away)) + 1)
             # Torque against the motion, in the mean over the way, beside each of these.
             way = velocity[out] / np.abs(velocity[out]).sum()
             held = [float(np.median(effort[rest])) for rest in (before, after)]
@@ -119,15 +120,14 @@ def shoved_events(
             )
 
 
-def _between_rests(moves: np.ndarray, rate: float, within: float) -> Iterator[slice]:
-    """Yield motions of at most so many seconds with a rest before and after, as long as `REST`.
+def _between_rests(moves: np.ndarray, rate: float) -> Iterator[slice]:
+    """Yield motions of at most `AWAY` with a rest before and after, as long as `REST`.
 
     Args:
         moves: whether a joint moves, (n,).
         rate: samples per second.
-        within: s.
     """
-    rest, longest = int(REST * rate), int(within * rate)
+    rest, longest = int(REST * rate), int(AWAY * rate)
     found: list[slice] = []
     for run in runs(moves):
         if found and run.start - found[-1].stop < longest:

@@ -44,7 +44,8 @@ SPEEDS = np.geomspace(0.004, 0.4, 21)
 HELD = 2.0 * REST
 #: What a rest is left with is the most over so long, s: an excess is lost in some hundredths.
 PEAK = 0.02
-#: Rests that have to hold a level, and the share of an excess by which they may differ.
+#: Rests that have to hold a level, and the share of an excess by which they may differ. (Set while
+#: looking at seven arms of an opponent, two of them without an excess.)
 SEVERAL, ALIKE = 3, 0.1
 NOTE = (
     "stribeck_friction of {}: at rest it holds {:.3g} {} to either side and slides with {:.3g}; "

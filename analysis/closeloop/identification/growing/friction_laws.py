@@ -130,7 +130,8 @@ def _hidden(taken: Option, grown: Grown, wound: list[Score], rows: Rows) -> bool
     for term in model.terms[len(taken.model.terms) :]:
         alike = with_independent(alike, term, rows)
     beside = min([*wound, evaluate(alike, rows)], key=lambda score: score.loss)
-    # A form of winding up that is a little wrong leaves something that another law takes.
+    # A form of winding up that is a little wrong leaves something that another law takes. (A
+    # quarter, as of peaks, since one of an opponent's arms had a fifth.)
     return (
         _adds(model, taken.score, joint, rows) > MIN_GAIN
         and beside.loss - taken.score.loss > LARGE_GAIN * beside.loss

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.carried import supposing_loads
 from analysis.closeloop.identification.arms.links import last_links
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.balance import declared
 from analysis.closeloop.identification.balance.declared import hung_again, load_about
 from analysis.closeloop.identification.balance.model import Model, with_independent
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.loads.carried import supposing_loads
 from analysis.closeloop.session.recording import Recording
 from sim.effects.rigid import point_mass
 from tests.testbed.sessions.coupled import in_trials, measured

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.lone_joint import supposing_lone_loads
 from analysis.closeloop.identification.arms.spread import mass_and_place
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.model import evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.loads.lone_joint import supposing_lone_loads
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from sim.effects.rigid import point_mass

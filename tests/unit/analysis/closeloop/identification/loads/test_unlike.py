@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.carried import supposing_loads
 from analysis.closeloop.identification.arms.links import last_links
-from analysis.closeloop.identification.arms.unlike import supposing_held_out
+from analysis.closeloop.identification.loads.carried import supposing_loads
+from analysis.closeloop.identification.loads.unlike import supposing_held_out
 from analysis.closeloop.session.recording import Recording
 from sim.effects.rigid import point_mass
 from tests.testbed.sessions.coupled import in_trials, measured

@@ -1,0 +1,1 @@
+"""Loads that trials carry though nobody said so, found before anything else is."""
