@@ -51,16 +51,20 @@ def test_of_more_groups_three_are_enough_for_any_effect(groups: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("blocks", "worse", "kept"), [(20, 20, False), (20, 1, True), (1, 1, False)]
+    ("blocks", "worse", "times", "kept"),
+    [(20, 20, 1.1, False), (20, 1, 1.1, True), (1, 1, 1.1, False), (20, 1, 11.0, False)],
 )
-def test_a_joint_speaks_against_what_joints_share_by_more_than_one_standard_error(
-    blocks: int, worse: int, kept: bool
+def test_a_joint_speaks_against_what_joints_share_by_more_than_chance_or_by_much(
+    blocks: int, worse: int, times: float, kept: bool
 ) -> None:
-    """The second joint loses a tenth: in all of its seconds alike, in one, or in its only one."""
-    own = np.repeat([0, 1], [60, blocks])
-    alone = np.ones(len(own))
-    shared = np.where(own == 1, 0.9, 0.5)
-    shared[60 : 60 + worse] += 0.2 * blocks / worse
+    """The second joint loses a tenth: in all of its seconds alike, in one, or in its only one.
+
+    And ten times all that it lost before in one, as of a KUKA KR300: its error is as large.
+    """
+    own = np.repeat([0, 1], [600, blocks])
+    alone = np.where(own == 1, 1.0, 10.0)
+    shared = np.where(own == 1, 0.9, 5.0)
+    shared[600 : 600 + worse] += (times - 0.9) * blocks / worse
     rows = SimpleNamespace(
         joints=(0, 1),
         samples={0: (), 1: ()},

@@ -164,18 +164,25 @@ def test_a_zero_stands_for_what_is_rare_at_one_joint_if_all_go_better_with_it(sl
     assert for_rare(found, rows, []) is found
 
 
-@pytest.mark.parametrize("both", [True, False])
-def test_a_payload_and_a_wrong_zero_stand_for_links_that_do_what_both_do(both: bool) -> None:
-    """Neither explains much while the other is missing, and ten parameters a link do most."""
+@pytest.mark.parametrize(("at", "both"), [(SHOULDER, True), (ELBOW, False), (None, False)])
+def test_a_payload_and_a_wrong_zero_stand_for_links_that_do_what_both_do(
+    at: int | None, both: bool
+) -> None:
+    """Neither explains much while the other is missing, and ten parameters a link do most.
+
+    The last joint's zero turns what hangs there and nothing else: that is other links.
+    """
     still = rich_recording(20)
     effort, zero, place = np.array(still.inverse), 0.08, np.array([0.15, 0.0, 0.05])
-    if both:
+    if at == ELBOW:
+        zero = 0.2
+    if at is not None:
         (body,) = last_links(still)
         there = still.position.copy()
-        there[:, SHOULDER] -= zero
+        there[:, at] -= zero
         hung = chain_motion(still.device.model, there, still.velocity, still.acceleration)
         effort += 0.5 * (hung.link_torque(body) @ point_mass(place))
-        effort -= zero * still.secant(SHOULDER, -zero, moving=True)
+        effort -= zero * still.secant(at, -zero, moving=True)
     else:
         away = np.array([0.1, 0.0, -0.15])
         effort += sum(0.4 * still.mass_torque(joint, away) for joint in still.joints)
