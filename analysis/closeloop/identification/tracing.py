@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.identification.arms.at_turns import with_peak_at_turns
 from analysis.closeloop.identification.arms.breakaway import with_breakaway
 from analysis.closeloop.identification.arms.explainable import explainable_by_joint
 from analysis.closeloop.identification.arms.gains import gain_or_payload, untold_gain
@@ -98,9 +99,11 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
 
 def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trace:
     """Find what the declared model of a device without a limb lacks."""
-    rows = weighed(declared, rows)
+    every, rows = rows, weighed(declared, rows)
+    grown = traced_robot(declared, rows, progress)
+    grown, rows, turned = with_peak_at_turns(grown, rows, every)
     before = evaluate(declared, rows)
-    grown, held = with_breakaway(traced_robot(declared, rows, progress), rows)
+    grown, held = with_breakaway(grown, rows)
     grown, refusals = held_in_octaves(grown, rows)
     grown, unsure = determined(grown, rows)
     grown, notes = not_worse(grown, declared, rows)
@@ -121,6 +124,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
                 if grown.steps
                 else beyond,
                 notes=(
+                    *turned,
                     *held,
                     *refusals,
                     *unsure,
