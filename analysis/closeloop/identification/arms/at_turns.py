@@ -189,10 +189,8 @@ def _with_excess(grown: Grown, rows: Rows, joint: int, peak: Peak) -> Grown | No
     sign = columns[joint][:, :1]
     # What the law lacks where it has not slid yet, of its level and of its excess.
     lacks = (recorded.wound(found["way"], found["exponent"]) - sign[:, 0])[:, None]
-    slowness = np.exp(-((recorded.velocity / (found["speed"] * recorded.top_speed)) ** 2))
-    winding = Term(
-        joint=joint, columns={joint: lacks * np.stack([np.ones_like(slowness), slowness], 1)}
-    )
+    slow = _slowness(recorded, found["speed"])
+    winding = Term(joint=joint, columns={joint: lacks * np.stack([np.ones_like(slow), slow], 1)})
     rest = grown.model.without(coulomb)
     model = with_independent(rest, term, rows)
     if model is rest or model.terms[-1].kept != (0, 1):
