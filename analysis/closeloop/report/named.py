@@ -23,6 +23,8 @@ from sim.effects.laws.inertia import PLACE, GravityTorque
 MOST_NONSENSE = 0.25
 #: Parameters of a load that say where it hangs.
 PLACES = ("distance", *PLACE)
+#: Where the links of a chain are: at no joint, though the entry stands at the first that moves.
+LINKS = "the links"
 #: Parameters of further gravity along the axes of the world.
 FURTHER_GRAVITY = tuple(GravityTorque.parameters)
 
@@ -71,7 +73,7 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
                 "mujoco_element": effect.element,
             }
         )
-    return entries
+    return [{**entry, "where": where(entry)} for entry in entries]
 
 
 def declared_entries(found: Trace) -> list[dict[str, Any]]:
@@ -186,10 +188,15 @@ def _between(least: float, most: float) -> str:
     return f"{most:.3g} or less" if np.isinf(least) else f"{least:.3g} to {most:.3g}"
 
 
+def where(entry: Mapping[str, Any]) -> str:
+    """Return where an effect of a report is: its joint, but of links of a chain."""
+    return LINKS if entry["name"] == LINK_INERTIA else str(entry["joint"])
+
+
 def refused_values(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a warning for every parameter of a found effect whose estimate is refused."""
     return [
-        f"{entry['name']} of {entry['joint']}: {name} is not determined, because "
+        f"{entry['name']} of {where(entry)}: {name} is not determined, because "
         f"{parameter['refused']}"
         for entry in entries
         for name, parameter in entry["parameters"].items()
@@ -200,7 +207,7 @@ def refused_values(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 def undetermined(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a warning for every found effect of which no parameter is surely other than zero."""
     return [
-        f"{entry['name']} of {entry['joint']}: the 90 % interval of each of its parameters holds "
+        f"{entry['name']} of {where(entry)}: the 90 % interval of each of its parameters holds "
         "zero; it lowers the error, but these trials do not show how large it is"
         for entry in entries
         if entry["parameters"]

@@ -144,6 +144,7 @@ def test_links_that_are_not_as_declared_are_found_as_one(tmp_path: Path) -> None
     write_recordings(tmp_path, ARM, 1, truth=truth)
     answer = analyse(tmp_path)
     assert names(answer.report) == {("link_inertia", "shoulder")}
+    assert [effect["where"] for effect in answer.report["effects"]] == ["the links"]
     assert answer.report["unnamed_loads"] == []
     xml, _, warnings = repaired_model(answer.recording.device, answer.report)
     assert warnings == []
