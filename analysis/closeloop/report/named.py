@@ -17,12 +17,15 @@ from analysis.closeloop.report.shared import MASSLESS, link_parameters
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING
+from sim.effects.laws.coupling import CoupledMotor
 from sim.effects.laws.inertia import PLACE, GravityTorque
 
 #: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
 MOST_NONSENSE = 0.25
 #: Parameters of a load that say where it hangs.
 PLACES = ("distance", *PLACE)
+#: A motor that turns with two joints.
+MOTOR = CoupledMotor.name
 #: Where the links of a chain are: at no joint, though the entry stands at the first that moves.
 LINKS = "the links"
 #: Parameters of further gravity along the axes of the world.
@@ -73,7 +76,31 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
                 "mujoco_element": effect.element,
             }
         )
-    return [{**entry, "where": where(entry)} for entry in entries]
+    return placed(entries, recording.device.joints)
+
+
+def placed(entries: Sequence[Mapping[str, Any]], joints: Sequence[str]) -> list[dict[str, Any]]:
+    """Return effects, each with where it is, in words.
+
+    A motor that turns with two joints stands at both, for each feels it by its own share; it is one
+    effect all the same, so that the second has `same_as`, the joint of the first.
+
+    Args:
+        entries: effects of a report.
+        joints: names of the model's joints.
+    """
+    said: list[dict[str, Any]] = []
+    motors: set[tuple[str, str, float]] = set()
+    for entry in entries:
+        place: dict[str, Any] = {"where": where(entry)}
+        if entry["name"] == MOTOR:
+            values = {name: entry["parameters"][name]["value"] for name in ("other_dof", "sense")}
+            joint, other = entry["joint"], joints[int(values["other_dof"])]
+            if (other, joint, values["sense"]) in motors:
+                place = {"where": f"{joint}, the same motor as at {other}", "same_as": other}
+            motors.add((joint, other, values["sense"]))
+        said.append({**entry, **place})
+    return said
 
 
 def declared_entries(found: Trace) -> list[dict[str, Any]]:
