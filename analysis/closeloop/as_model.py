@@ -164,7 +164,8 @@ def _numbers(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str, Mapping
     effects = report["effects"] if report["verdict"] == Verdict.EFFECT_FOUND else []
     for effect in effects:
         for parameter, entry in effect["parameters"].items():
-            yield effect["name"], effect["joint"], parameter, entry
+            # Another than the joint only of what is no single number of the model.
+            yield effect["name"], effect.get("where", effect["joint"]), parameter, entry
     for declared in report["declared"]:
         for parameter, entry in declared["parameters"].items() if "joint" in declared else ():
             yield declared["effect"], declared["joint"], parameter, entry

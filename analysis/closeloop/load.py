@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from analysis.closeloop.exchanged import check_exchanged
 from analysis.closeloop.misdeclared import check_declared
 from analysis.closeloop.session.mjcf import load_device
 from analysis.closeloop.session.plausibility import (
@@ -31,6 +32,7 @@ def load_session(folder: Path) -> Recording:
     trials = []
     for listed in session.trials:
         trial = read_trial(folder, listed, device.recorded_joints, declared)
+        check_exchanged(trial, device, session.limb_joints)
         trials.append(checked_trial(trial, device, session.limb_joints))
     check_copies(trials)
     recording = record(replace(session, trials=tuple(trials)), device)

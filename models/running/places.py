@@ -15,6 +15,9 @@ from models.folder import MODEL_FILE, ModelError, ModelFolder, copied, read_fold
 from models.packages import announced
 from models.running.place import Place
 
+#: Faulty models of a folder that a sentence has room for.
+MOST_FAULTS = 5
+
 
 class NoModelError(Exception):
     """A model cannot be had on this machine; the message says why."""
@@ -68,7 +71,7 @@ class Places:
         Raises:
             NoModelError: one of them cannot be used, or none of the folders.
         """
-        faults = []
+        faults: list[str] = []
         try:
             found = list(folders_in(folders))
         except ModelError as error:
@@ -77,12 +80,12 @@ class Places:
             try:
                 self._have(folder, servers)
             except NoModelError as error:
-                faults.append(error)
+                faults.append(str(error))
         if faults and (left_out is None or len(faults) == len(found)):
-            raise faults[0]
+            raise NoModelError(_listed(faults))
         for fault in faults:
             assert left_out is not None
-            left_out(str(fault))
+            left_out(fault)
         for name in packages:
             description = described(name)
             if description.name != name:
@@ -169,6 +172,15 @@ class Places:
                     raise NoModelError(f"{version} arrived as {found.description.version}")
                 self._moved(found.path, target)
         self._add(read_folder(target).description, str(target))
+
+
+def _listed(faults: Sequence[str]) -> str:
+    """Return faults as one sentence: the first `MOST_FAULTS` in full, the others by their number.
+
+    Who mends the only one that is named would start again for each of the others.
+    """
+    more = len(faults) - MOST_FAULTS
+    return "; ".join(faults[:MOST_FAULTS]) + (f"; and {more} more" if more > 0 else "")
 
 
 def described(name: str) -> Description:

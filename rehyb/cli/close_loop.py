@@ -178,7 +178,7 @@ def _lines(report: Json, out: Path) -> Iterator[str]:
     """Yield what a report says, line by line."""
     yield report["verdict"]
     for effect in report["effects"]:
-        yield f"  {effect['name']} at {effect['joint']}"
+        yield f"  {effect['name']} at {effect.get('where', effect['joint'])}"
         for name, entry in effect["parameters"].items():
             if entry["value"] is None:
                 yield f"    {name:20} not determined"

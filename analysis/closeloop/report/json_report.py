@@ -42,6 +42,7 @@ from analysis.closeloop.report.unexplained import (
     unexplained,
     untouched,
 )
+from analysis.closeloop.report.unjudged import where_unjudged
 from analysis.closeloop.session.recording import Recording
 
 
@@ -53,6 +54,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
     declared = declared_entries(found) + payload_entries(found.fits, found.rows)
     identified = identified_entries(outcome, impedance)
     unnamed = unnamed_load_entries(recording, outcome.loads)
+    left = unexplained(outcome)
     warnings = [*_unread_effects(recording), *_model_remarks(recording), *found.notes]
     if outcome.left_out:
         warnings.append(
@@ -73,13 +75,14 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         "declared": declared,
         "unnamed_loads": unnamed,
         "links": link_values(found.fit_of_steps[0]),
-        "unexplained": unexplained(outcome),
+        "unexplained": left,
         "floor": floor_entries(recording, outcome.floors),
         "diagnostics": _diagnostics(found),
         "advice": [*advice(outcome), *trials_that_tell(identified)],
         "warnings": [
             *warnings,
             *far_from_floor(outcome),
+            *where_unjudged(outcome, left),
             *of_wrong_torques(outcome),
             *at_rest_where_worse(recording, outcome.holdout),
             *not_settled(outcome),

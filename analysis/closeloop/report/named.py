@@ -17,12 +17,17 @@ from analysis.closeloop.report.shared import MASSLESS, link_parameters
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING
+from sim.effects.laws.coupling import CoupledMotor
 from sim.effects.laws.inertia import PLACE, GravityTorque
 
 #: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
 MOST_NONSENSE = 0.25
 #: Parameters of a load that say where it hangs.
 PLACES = ("distance", *PLACE)
+#: A motor that turns with two joints.
+MOTOR = CoupledMotor.name
+#: Where the links of a chain are: at no joint, though the entry stands at the first that moves.
+LINKS = "the links"
 #: Parameters of further gravity along the axes of the world.
 FURTHER_GRAVITY = tuple(GravityTorque.parameters)
 
@@ -71,7 +76,31 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
                 "mujoco_element": effect.element,
             }
         )
-    return entries
+    return placed(entries, recording.device.joints)
+
+
+def placed(entries: Sequence[Mapping[str, Any]], joints: Sequence[str]) -> list[dict[str, Any]]:
+    """Return effects, each with where it is, in words.
+
+    A motor that turns with two joints stands at both, for each feels it by its own share; it is one
+    effect all the same, so that the second has `same_as`, the joint of the first.
+
+    Args:
+        entries: effects of a report.
+        joints: names of the model's joints.
+    """
+    said: list[dict[str, Any]] = []
+    motors: set[tuple[str, str, float]] = set()
+    for entry in entries:
+        place: dict[str, Any] = {"where": where(entry)}
+        if entry["name"] == MOTOR:
+            values = {name: entry["parameters"][name]["value"] for name in ("other_dof", "sense")}
+            joint, other = entry["joint"], joints[int(values["other_dof"])]
+            if (other, joint, values["sense"]) in motors:
+                place = {"where": f"{joint}, the same motor as at {other}", "same_as": other}
+            motors.add((joint, other, values["sense"]))
+        said.append({**entry, **place})
+    return said
 
 
 def declared_entries(found: Trace) -> list[dict[str, Any]]:
@@ -186,10 +215,15 @@ def _between(least: float, most: float) -> str:
     return f"{most:.3g} or less" if np.isinf(least) else f"{least:.3g} to {most:.3g}"
 
 
+def where(entry: Mapping[str, Any]) -> str:
+    """Return where an effect of a report is: its joint, but of links of a chain."""
+    return LINKS if entry["name"] == LINK_INERTIA else str(entry["joint"])
+
+
 def refused_values(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a warning for every parameter of a found effect whose estimate is refused."""
     return [
-        f"{entry['name']} of {entry['joint']}: {name} is not determined, because "
+        f"{entry['name']} of {where(entry)}: {name} is not determined, because "
         f"{parameter['refused']}"
         for entry in entries
         for name, parameter in entry["parameters"].items()
@@ -200,7 +234,7 @@ def refused_values(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 def undetermined(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a warning for every found effect of which no parameter is surely other than zero."""
     return [
-        f"{entry['name']} of {entry['joint']}: the 90 % interval of each of its parameters holds "
+        f"{entry['name']} of {where(entry)}: the 90 % interval of each of its parameters holds "
         "zero; it lowers the error, but these trials do not show how large it is"
         for entry in entries
         if entry["parameters"]

@@ -25,6 +25,9 @@ GAINS = (
     "the mass scales with the gains that turned currents into efforts: gains that are 1 % too "
     "large make it 1 % too large; its place does not change"
 )
+#: By less, as a share of its mass or in m, a link is as declared: what no joint feels stays so but
+#: for rounding.
+AS_DECLARED = 1e-6
 #: Why a load has no place.
 MASSLESS = "the load may have no mass"
 #: An interval that is so many times the device's reach has numbers that mean nothing.
@@ -38,7 +41,10 @@ WEIGHTLESS = (
 
 
 def link_parameters(model: Model, rows: Rows) -> dict[str, Any]:
-    """Return mass and centre of mass of every link that moves, with 90 % intervals.
+    """Return what of links' mass and centre of mass is other than declared, with 90 % intervals.
+
+    What no joint feels of a link (of a turret that turns about an upright axis, its mass) stays as
+    it is declared in every fit: its interval would have no width, as if it had been measured.
 
     A mass that could be none has no value, nor has its centre: a joint feels moments, and of a link
     near its axis they say little of the mass (Khalil and Dombre 2002, Modeling, identification and
@@ -50,10 +56,20 @@ def link_parameters(model: Model, rows: Rows) -> dict[str, Any]:
     found = _described(np.array([model.given.links[name] for name in links.names]))
     every = [_described(links.declared + changes) for _, changes in spread.fits]
     half = spread.half_width(found, every)
-    entries: dict[str, Any] = {}
-    for name, values, widths in zip(links.names, found, half, strict=True):
-        entries |= {f"{name}.{word}": entry for word, entry in _link(values, widths).items()}
-    return entries
+    moved = other_than(found, _described(links.declared))
+    return {
+        f"{name}.{word}": entry
+        for name, values, widths, other in zip(links.names, found, half, moved, strict=True)
+        for (word, entry), apart in zip(_link(values, widths).items(), other, strict=True)
+        if apart
+    }
+
+
+def other_than(found: np.ndarray, declared: np.ndarray) -> np.ndarray:
+    """Return which of mass (kg) and centre (m) of links are not as declared, all (links, 4)."""
+    apart = np.abs(found - declared)
+    apart[:, 0] /= declared[:, 0]
+    return np.asarray(apart > AS_DECLARED)
 
 
 def _link(values: np.ndarray, widths: np.ndarray) -> dict[str, dict[str, Any]]:

@@ -19,6 +19,7 @@ from analysis.closeloop.identification.findings import (
 )
 from analysis.closeloop.identification.spectrum import Peak
 from analysis.closeloop.judgement.outcome import worse_than_none
+from analysis.closeloop.report.unjudged import OF_ALL, beyond_floor
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import MOVING
 
@@ -39,7 +40,8 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
     """Describe, per joint, what no effect explains: size, signals it depends on, band, when.
 
     A joint is there whose residual goes with a signal, stands above its floor, is larger in some
-    trials than in the others, or holds events.
+    trials than in the others, or holds events; and one whose held-out error in motion is far above
+    its floor in frequencies that are not judged, unless what else stands there is most of it.
     """
     found, beyond = outcome.trace, outcome.oscillations
     recording, left = found.rows.recording, found.explainable_after
@@ -48,8 +50,11 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
     for joint in recording.joints:
         name = recording.name(joint)
         own = [e for e in outcome.recorded.after if e.joint == joint]
+        held_out = [e for e in outcome.holdout.after if e.joint == joint]
         if joint in rubbing:
-            own = [_in_motion(recording, error) for error in own]
+            own, held_out = (
+                [_in_motion(recording, error) for error in errors] for errors in (own, held_out)
+            )
         own = [error for error in own if len(error.time) > 1]
         if not own:
             continue
@@ -65,7 +70,8 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
         disturbed = {event.trial for event in outcome.events if event.joint == joint}
         odd = [error for error in own if _mean_square(error) > ODD**2 * usual]
         alone = [error for error in odd if error.trial not in disturbed]
-        said = depends or events or ratio > AT_FLOOR or alone
+        far = beyond_floor(held_out, outcome.floors.get(joint))
+        said = depends or events or ratio > AT_FLOOR or alone or far
         if not said and outcome.verdict != Verdict.UNEXPLAINED:
             continue
         share = max(0.0, 1.0 - left.splines_loss / max(left.model_loss, 1e-300))
@@ -79,6 +85,8 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
             squares[OF_FLOOR] = (ratio**2 - 1.0) * outcome.floors[joint].value ** 2
         if events:
             squares[OF_EVENTS] = _power(recording, own, events)
+        if far > 2.0 * max(squares.values()):
+            squares[OF_ALL] = far
         largest = max(squares, key=lambda part: squares[part])
         size = float(np.sqrt(squares[largest]))
         if not said and not size:
@@ -88,7 +96,11 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
             "rms_of": largest,
             "unit": recording.device.unit(name),
             "depends_on": list(dict.fromkeys(depends)),
-            "band_hz": _band(recording, own, [] if odd else beyond.get(joint, [])),
+            "band_hz": _band(
+                recording,
+                own,
+                [] if odd or largest == OF_ALL else beyond.get(joint, []),
+            ),
             "mostly_in": [_where(recording, error, usual) for error in odd],
             "events": events,
         }

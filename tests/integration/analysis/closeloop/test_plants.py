@@ -125,6 +125,22 @@ def test_what_creeps_anew_in_every_trial_is_said_to_depend_on_its_time(tmp_path:
     assert "time in trial" in report["unexplained"]["shoulder"]["depends_on"]
 
 
+def test_an_error_far_above_its_floor_is_unexplained_of_any_frequency(tmp_path: Path) -> None:
+    """Faster than the fit's band nothing is judged: the table said 5 floors, and nothing else."""
+    write_recordings(tmp_path, ARM, 1)
+    session = json.loads((tmp_path / "session.json").read_text())
+    session["sensors"] = {"elbow.effort": {"noise_rms": 0.2 * ARM.noise}}
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    report = analyse(tmp_path).report
+    assert (report["verdict"], report["effects"]) == ("adequate", [])
+    error, (joint,) = report["error"]["holdout"]["elbow"], report["unexplained"]
+    assert joint == "elbow" and error["after"] > 4.0 * error["floor"]
+    left = report["unexplained"]["elbow"]
+    assert left["rms"] ** 2 == pytest.approx(error["after"] ** 2 - error["floor"] ** 2)
+    (said,) = [line for line in report["warnings"] if line.startswith("elbow: its error after")]
+    assert f"{error['after'] / error['floor']:.1f} times the noise of its effort" in said
+
+
 def test_every_joint_of_an_arm_gets_its_own_friction_and_no_joint_is_worse(tmp_path: Path) -> None:
     rubs = 'frictionloss="0.8" damping="1.5"'
     truth = ARM.mjcf.replace('armature="0.1"', f'armature="0.1" {rubs}')
@@ -144,6 +160,7 @@ def test_links_that_are_not_as_declared_are_found_as_one(tmp_path: Path) -> None
     write_recordings(tmp_path, ARM, 1, truth=truth)
     answer = analyse(tmp_path)
     assert names(answer.report) == {("link_inertia", "shoulder")}
+    assert [effect["where"] for effect in answer.report["effects"]] == ["the links"]
     assert answer.report["unnamed_loads"] == []
     xml, _, warnings = repaired_model(answer.recording.device, answer.report)
     assert warnings == []

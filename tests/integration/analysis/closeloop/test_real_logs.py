@@ -240,3 +240,6 @@ def test_friction_that_a_held_joint_lets_go_is_nothing_unexplained(tmp_path: Pat
     report = close_loop(tmp_path, tmp_path / "out")
     assert [effect["name"] for effect in report["effects"]] == ["coulomb_friction"]
     assert report["unexplained"] == {}
+    # It is in the error of the table all the same, and that is said.
+    (said,) = [line for line in report["warnings"] if line.startswith("elbow: its error after")]
+    assert "% of its power is where the joint rests or turns around" in said

@@ -92,6 +92,9 @@ def test_a_motor_that_turns_with_two_joints_is_told_from_what_each_has_of_its_ow
         assert motor["damping"]["value"] == pytest.approx(0.62, rel=0.03)
         assert motor["inertia"]["value"] == pytest.approx(0.0096, rel=0.15)
         assert motor["other_dof"]["value"] == other and motor["sense"]["value"] == 1.0
+    # One motor: the entry that takes away less says so.
+    first, second = (e for e in report["effects"] if e["name"] == "coupled_motor")
+    assert "same_as" not in first and second["same_as"] == first["joint"]
     assert found["viscous_friction", "pitch"]["damping"]["value"] == pytest.approx(1.86, rel=0.03)
     assert found["coulomb_friction", "pitch"]["torque"]["value"] == pytest.approx(3.0, rel=0.03)
     for error in report["error"]["holdout"].values():

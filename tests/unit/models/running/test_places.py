@@ -57,13 +57,38 @@ def test_a_model_called_as_one_of_rehybs_own_is_left_out_as_well(
     ]
 
 
-def test_without_a_model_that_can_be_used_the_first_fault_is_the_error(
+def test_without_a_model_that_can_be_used_its_fault_is_the_error(
     having: Callable[..., Places], fleet: Path
 ) -> None:
     with pytest.raises(NoModelError, match=r"bent/model\.toml: is not TOML"):
         having(fleet / "bent", left_out=pytest.fail)
     with pytest.raises(NoModelError, match=r"bent/model\.toml: is not TOML"):
         having(fleet)
+
+
+def test_where_every_model_is_faulty_each_is_named_with_its_own_fault(
+    having: Callable[..., Places], fleet: Path
+) -> None:
+    shutil.rmtree(fleet / "pendulum")
+    (fleet / "empty").mkdir()
+    (fleet / "empty" / "model.toml").write_text("")
+    with pytest.raises(NoModelError) as error:
+        having(fleet, left_out=pytest.fail)
+    first, second = str(error.value).split("; ", 1)
+    assert first.startswith(f"{fleet}/bent/model.toml: is not TOML: ")
+    assert second.startswith(f"{fleet}/empty/model.toml: ")
+
+
+def test_of_a_hundred_faulty_models_five_are_named_and_the_others_counted(
+    having: Callable[..., Places], fleet: Path
+) -> None:
+    shutil.rmtree(fleet / "pendulum")
+    for number in range(99):
+        shutil.copytree(fleet / "bent", fleet / f"bent{number:02}")
+    with pytest.raises(NoModelError) as error:
+        having(fleet, left_out=pytest.fail)
+    assert str(error.value).count("is not TOML") == 5
+    assert str(error.value).endswith("; and 95 more")
 
 
 def test_a_path_without_any_model_is_the_error_whatever_else_is_named(

@@ -44,6 +44,16 @@ def test_what_each_error_is_of_is_printed_beside_it() -> None:
     assert max(map(len, lines)) <= 80
 
 
+def test_links_that_are_other_than_declared_are_at_no_joint() -> None:
+    """They stood "at" an arm's first joint, as if that were the wrong one."""
+    plain = {"parameters": {}, "indistinguishable_from": []}
+    links = {"name": "link_inertia", "joint": "base", "where": "the links", **plain}
+    # As a coordinator of an earlier version has it.
+    older = {"name": "coulomb_friction", "joint": "elbow", **plain}
+    lines = [*_lines(report() | {"effects": [links, older]}, Path("out"))]
+    assert lines[1:3] == ["  link_inertia at the links", "  coulomb_friction at elbow"]
+
+
 def test_what_is_refused_says_that_a_report_in_the_folder_is_older(tmp_path: Path) -> None:
     """Exit status 2 left it there, to be read as the answer."""
 

@@ -21,6 +21,7 @@ from analysis.closeloop.identification.balance.uncertainty import Fits, leave_ou
 from analysis.closeloop.report.named import (
     _if_it_can_be,
     if_they_can_be,
+    placed,
     refused_values,
     spans_nonsense,
     undetermined,
@@ -316,3 +317,26 @@ def test_coulomb_friction_is_known_no_better_than_beside_viscous_friction() -> N
     assert low > 4.0
     low, _ = beside_its_like(alone, model, rows, candidate)["torque"]["ci90"]
     assert low <= 3.0 < 4.2 < high
+
+
+def motor(joint: str, other: int, sense: float) -> dict[str, Any]:
+    values = {"torque": 1.9, "other_dof": float(other), "sense": sense}
+    parameters = {name: {"value": value, "ci90": [value] * 2} for name, value in values.items()}
+    return {"name": "coupled_motor", "joint": joint, "parameters": parameters}
+
+
+def test_a_motor_of_two_joints_is_one_though_it_stands_at_both() -> None:
+    """It read as two motors, each of which rubs."""
+    joints = ("base", "pitch", "roll")
+    rubs = {"name": "coulomb_friction", "joint": "pitch", "parameters": {}}
+    first, second, third = placed([motor("roll", 1, -1.0), rubs, motor("pitch", 2, -1.0)], joints)
+    assert first["where"] == "roll" and "same_as" not in first
+    assert second == rubs | {"where": "pitch"}
+    assert third["where"] == "pitch, the same motor as at roll" and third["same_as"] == "roll"
+    assert third["joint"] == "pitch"
+
+
+def test_motors_of_other_pairs_or_of_the_other_sense_are_others() -> None:
+    joints = ("base", "pitch", "roll")
+    apart = [motor("roll", 1, -1.0), motor("pitch", 2, 1.0), motor("pitch", 0, -1.0)]
+    assert all("same_as" not in entry for entry in placed(apart, joints))

@@ -1,19 +1,31 @@
 """A link whose moments alone are known has no mass."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification.arms import robot
+from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.ordinary import with_ordinary
+from analysis.closeloop.identification.arms.robot import with_links
+from analysis.closeloop.identification.arms.whole_fit import WholeFit
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Carried
 from analysis.closeloop.report.named import refused_values
 from analysis.closeloop.report.shared import (
     _link,
+    link_parameters,
     mass_entry,
     moments_entry,
     of_unnamed_loads,
+    other_than,
     payload_mass,
     place_entry,
     undetermined_loads,
 )
+from tests.testbed.sessions.upright import all_at_once
 
 
 def test_a_mass_that_could_be_none_has_no_value_nor_has_its_centre() -> None:
@@ -30,6 +42,26 @@ def test_a_mass_that_is_known_has_an_interval() -> None:
     found = _link(np.array([4.0, 0.2, 0.0, -0.1]), np.array([3.5, 0.01, 0.02, 0.03]))
     assert found["mass"] == {"value": 4.0, "ci90": [0.5, 7.5], "unit": "kg"}
     assert found["position_z"]["ci90"] == pytest.approx([-0.13, -0.07])
+
+
+def test_a_link_that_no_joint_feels_is_as_declared_for_all_that_rounding_moves_it() -> None:
+    """The first link of an arm was reported as measured: 6.11 kg, 6.11 to 6.11."""
+    declared = np.array([[6.1, 0.0, 0.0, 0.06], [3.0, 0.15, 0.0, 0.0], [1.4, 0.13, 0.0, 0.0]])
+    found = declared + np.array([[1e-13, 1e-15, 0, -1e-15], [0, 0.002, 0, 0], [0.01, 0, 0, 0]])
+    assert np.argwhere(other_than(found, declared)).tolist() == [[1, 1], [2, 0]]
+
+
+def test_links_of_an_arm_are_listed_but_for_one_that_no_joint_feels(tmp_path: Path) -> None:
+    """Of a turret that turns about an upright axis neither mass nor centre makes a torque."""
+    arm = all_at_once(tmp_path, 29)
+    rows, links = robot.weighed(Model(arm), select_rows(arm, arm.fit_trials)), links_of(arm)
+    model = with_ordinary(Model(arm), rows)
+    found = WholeFit(model, rows, links).with_links(range(len(model.terms)))
+    entries = link_parameters(with_links(model, links, found.links), rows)
+    assert links.names == ("turret", "arm", "fore")
+    assert {name.split(".")[0] for name in entries} == {"arm", "fore"}
+    for name, entry in entries.items():
+        assert entry["ci90"] is None or entry["ci90"][0] < entry["ci90"][1], name
 
 
 @pytest.mark.parametrize(
