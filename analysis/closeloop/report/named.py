@@ -76,10 +76,12 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
                 "mujoco_element": effect.element,
             }
         )
-    return placed(entries, recording.device.joints)
+    return with_places(entries, recording.device.joints)
 
 
-def placed(entries: Sequence[Mapping[str, Any]], joints: Sequence[str]) -> list[dict[str, Any]]:
+def with_places(
+    entries: Sequence[Mapping[str, Any]], joints: Sequence[str]
+) -> list[dict[str, Any]]:
     """Return effects, each with where it is, in words.
 
     A motor that turns with two joints stands at both, for each feels it by its own share; it is one

@@ -19,7 +19,7 @@ from analysis.closeloop.identification.findings import (
 )
 from analysis.closeloop.identification.spectrum import Peak
 from analysis.closeloop.judgement.outcome import worse_than_none
-from analysis.closeloop.report.unjudged import OF_ALL, beyond_floor
+from analysis.closeloop.report.unjudged import MOSTLY, OF_ALL, beyond_floor
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import MOVING
 
@@ -85,7 +85,7 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
             squares[OF_FLOOR] = (ratio**2 - 1.0) * outcome.floors[joint].value ** 2
         if events:
             squares[OF_EVENTS] = _power(recording, own, events)
-        if far > 2.0 * max(squares.values()):
+        if max(squares.values()) < MOSTLY * far:
             squares[OF_ALL] = far
         largest = max(squares, key=lambda part: squares[part])
         size = float(np.sqrt(squares[largest]))

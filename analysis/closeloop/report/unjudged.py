@@ -18,6 +18,9 @@ from analysis.closeloop.session.recording import Recording
 #: What such an entry of `unexplained` is the root mean square of.
 OF_ALL = "the held-out error in motion, of any frequency, less the floor"
 
+#: Share of a joint's power that is most of it.
+MOSTLY = 0.5
+
 
 def beyond_floor(errors: Sequence[TrialError], floor: Floor | None) -> float:
     """Return the mean square of errors of one joint less its floor's, Nm2 or N2.
@@ -48,7 +51,7 @@ def where_unjudged(outcome: Outcome, entries: Mapping[str, Mapping[str, Any]]) -
         if floor is None or not beyond_floor(own, floor):
             continue
         turns, fast = shares(recording, own)
-        if name in entries and entries[name]["rms_of"] != OF_ALL and turns < 0.5:
+        if name in entries and entries[name]["rms_of"] != OF_ALL and turns < MOSTLY:
             continue
         unit = recording.device.unit(name)
         lines.append(

@@ -40,6 +40,7 @@ from analysis.closeloop.identification.balance.regression import (
     score,
 )
 from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.identification.growing.friction_laws import with_law
 from analysis.closeloop.identification.nameable import beyond_physics
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.friction import slowness
@@ -49,7 +50,8 @@ STRIBECK, COULOMB = BY_NAME["stribeck_friction"], BY_NAME["coulomb_friction"]
 #: Speeds at which the excess may be lost, over the top speed.
 SPEEDS = np.geomspace(0.01, 0.4, 12)
 #: Ways over which a bristle bends, over the longest that is presliding, and how: as a spring that
-#: then yields, or less and less (Dahl 1968).
+#: then yields, or less and less (Dahl 1968). (Ways an octave apart gave two of four
+#: arms of an opponent an excess a quarter too large: a third of one was set while looking at them.)
 WAYS, EXPONENTS = np.geomspace(1.0 / 64.0, 1.0, 19), (1.0, 0.0)
 NOTE = (
     "stribeck_friction of {}: where it turns, friction winds up over {:.2g} {} and is larger when "
@@ -177,24 +179,14 @@ def _with_excess(grown: Grown, rows: Rows, joint: int, peak: Peak) -> Grown | No
     found = peak.peaked.variant.theta
     theta = {"smooth": min(turning, 0.4 * found["speed"]), "speed": found["speed"]}
     recorded = unfitted(rows.recording, joint)
-    columns = STRIBECK.columns(recorded, theta)
-    term = Term(
-        effect=STRIBECK,
-        joint=joint,
-        columns=columns,
-        lower=STRIBECK.lower,
-        theta=theta,
-        candidate=stribeck,
-    )
-    sign = columns[joint][:, :1]
+    model = with_law(grown.model.without(coulomb), stribeck, theta, rows, recorded)
+    if model is None or model.terms[-1].kept != (0, 1):
+        return None
+    sign = model.terms[-1].columns[joint][:, :1]
     # What the law lacks where it has not slid yet, of its level and of its excess.
     lacks = (recorded.wound(found["way"], found["exponent"]) - sign[:, 0])[:, None]
     slow = _slowness(recorded, found["speed"])
     winding = Term(joint=joint, columns={joint: lacks * np.stack([np.ones_like(slow), slow], 1)})
-    rest = grown.model.without(coulomb)
-    model = with_independent(rest, term, rows)
-    if model is rest or model.terms[-1].kept != (0, 1):
-        return None
     model = with_independent(model, winding, rows)
     fitted = evaluate(model, rows)
     if beyond_physics(model, fitted, stribeck):

@@ -168,7 +168,7 @@ def _laws(rest: Model, found: Candidate, rows: Rows, joint: RecordedJoint) -> It
             continue
         fitted = []
         for theta in effect.thetas(joint):
-            model = _beside(rest, candidate, theta, rows, joint)
+            model = with_law(rest, candidate, theta, rows, joint)
             if model is None:
                 continue
             wound = winding_freely(model, found.joint, rows)
@@ -180,7 +180,7 @@ def _laws(rest: Model, found: Candidate, rows: Rows, joint: RecordedJoint) -> It
         yield Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
 
 
-def _beside(
+def with_law(
     rest: Model, candidate: Candidate, theta: Theta, rows: Rows, joint: RecordedJoint
 ) -> Model | None:
     """Return a model with one law more; None if it adds nothing to what is there."""
@@ -203,6 +203,6 @@ def _turning_as_fits(law: Option, rest: Model, rows: Rows, joint: RecordedJoint)
     for parameter in (p for p in law.candidate.effect.nonlinear if p.name in TURNS):
         for value in parameter.grid:
             theta = {**law.theta, parameter.name: value}
-            model = _beside(rest, law.candidate, theta, rows, joint)
+            model = with_law(rest, law.candidate, theta, rows, joint)
             found += [] if model is None else [model]
     return min(found, key=lambda model: evaluate(model, rows).sse)

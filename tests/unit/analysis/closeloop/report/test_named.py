@@ -21,10 +21,10 @@ from analysis.closeloop.identification.balance.uncertainty import Fits, leave_ou
 from analysis.closeloop.report.named import (
     _if_it_can_be,
     if_they_can_be,
-    placed,
     refused_values,
     spans_nonsense,
     undetermined,
+    with_places,
 )
 from analysis.closeloop.report.parameters import beside_its_like, parameters_of
 from analysis.closeloop.report.repaired import repaired_model
@@ -329,7 +329,9 @@ def test_a_motor_of_two_joints_is_one_though_it_stands_at_both() -> None:
     """It read as two motors, each of which rubs."""
     joints = ("base", "pitch", "roll")
     rubs = {"name": "coulomb_friction", "joint": "pitch", "parameters": {}}
-    first, second, third = placed([motor("roll", 1, -1.0), rubs, motor("pitch", 2, -1.0)], joints)
+    first, second, third = with_places(
+        [motor("roll", 1, -1.0), rubs, motor("pitch", 2, -1.0)], joints
+    )
     assert first["where"] == "roll" and "same_as" not in first
     assert second == rubs | {"where": "pitch"}
     assert third["where"] == "pitch, the same motor as at roll" and third["same_as"] == "roll"
@@ -339,4 +341,4 @@ def test_a_motor_of_two_joints_is_one_though_it_stands_at_both() -> None:
 def test_motors_of_other_pairs_or_of_the_other_sense_are_others() -> None:
     joints = ("base", "pitch", "roll")
     apart = [motor("roll", 1, -1.0), motor("pitch", 2, 1.0), motor("pitch", 0, -1.0)]
-    assert all("same_as" not in entry for entry in placed(apart, joints))
+    assert all("same_as" not in entry for entry in with_places(apart, joints))
