@@ -49,6 +49,10 @@ class SchemaError(CoordinatorError):
     """The database's schema is not the one this version works with."""
 
 
+class OldSchemaError(SchemaError):
+    """It is none, or an older one; the start of a coordinator of this version mends that."""
+
+
 class DatabaseAwayError(CoordinatorError):
     """No database server is there, or it takes nobody yet or any more."""
 

@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import sqlalchemy as sa
-
 from server.errors import ConflictError
+from server.store.database.engine import of_known_kind
 
 
 @contextmanager
@@ -20,12 +19,13 @@ def instance_lock(url: str) -> Iterator[None]:
 
     Raises:
         ConflictError: another process holds it, or the file cannot be opened.
+        CoordinatorError: no database of ours has such a URL.
     """
-    database = sa.make_url(url)
-    if database.get_backend_name() != "sqlite" or not database.database:
+    database = of_known_kind(url)
+    if database.drivername != "sqlite":
         yield
         return
-    path = Path(database.database)
+    path = Path(str(database.database))
     try:
         file = path.open("ab")
     except OSError as error:

@@ -13,6 +13,7 @@ from rehyb.client import Client
 from rehyb.errors import RehybError, Unauthorized
 from sim.evaluation import code
 from worker.machine import canary, cpu
+from worker.spool import no_place
 
 #: An assessment takes 0.4 s on a core of 2020; one that takes ten times as long is hardly a help.
 SLOW_SECONDS = 4.0
@@ -88,8 +89,7 @@ def _disk(spool: Path) -> Judgement:
         probe.unlink()
         free = shutil.disk_usage(spool).free
     except OSError as error:
-        detail = f"results cannot wait in {spool}: {error.strerror}; name another with --spool"
-        return Severity.FAILURE, detail
+        return Severity.FAILURE, no_place(spool, error)
     detail = f"{free / 1e9:.1f} GB are free for results in {spool}"
     if free < SPOOL_BYTES:
         return Severity.WARNING, f"only {detail}"

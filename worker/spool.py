@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rehyb.errors import RehybError
+
 log = logging.getLogger(__name__)
 
 SUFFIX = ".spool"
@@ -43,13 +45,19 @@ class Spool:
     Args:
         directory: shared by the workers of one machine for one coordinator; made if missing.
         worker: the worker's id, which names its file.
+
+    Raises:
+        RehybError: there can be no such folder, or no file in it.
     """
 
     def __init__(self, directory: Path, worker: str) -> None:
-        directory.mkdir(parents=True, exist_ok=True)
         self._worker = worker
         self._path = directory / f"{worker}{SUFFIX}"
-        self._database = _open(self._path)
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            self._database = _open(self._path)
+        except (OSError, sqlite3.OperationalError) as error:
+            raise RehybError(no_place(directory, error)) from error
         #: What the disk did not take, under negative keys.
         self._overflow: dict[int, _Row] = {}
         #: Acknowledged, but still on disk.
@@ -174,6 +182,15 @@ class Spool:
             self._database.executemany(
                 "INSERT INTO results (lease, fence, worker, result) VALUES (?, ?, ?, ?)", rows
             )
+
+
+def no_place(directory: Path, error: Exception) -> str:
+    """Say why results cannot wait in a folder, and what would be right."""
+    why = getattr(error, "strerror", None) or error
+    return (
+        f"results cannot wait in {directory}: {why}; "
+        "name with --spool a folder that is there or can be made"
+    )
 
 
 def _open(path: Path) -> sqlite3.Connection:

@@ -105,7 +105,7 @@ class Guard:
         if not scopes:
             if borne is not None:
                 self._failures.count(address, now)
-            return _sign_in_first(scope, headers)
+            return _sign_in_first(scope, headers, _REFUSED if borne else _NEEDED)
         _let_in(scope)
         if signed_in and scope["method"] not in READING and not comes_from_here(headers):
             return problem(
@@ -223,7 +223,15 @@ def _let_in(scope: Scope) -> None:
         connection.signed_in()
 
 
-def _sign_in_first(scope: Scope, headers: Headers) -> ASGIApp:
+#: What a stranger hears who sent no token, and who sent one; not whether it ever was a good one.
+_NEEDED = "send the header `Authorization: Bearer TOKEN` with the coordinator's token"
+_REFUSED = (
+    "this token is refused: it is unknown or revoked; take the coordinator's own, REHYB_TOKEN "
+    "there, or one that `rehyb token create NAME --scope SCOPE` makes there"
+)
+
+
+def _sign_in_first(scope: Scope, headers: Headers, sentence: str) -> ASGIApp:
     """Return the answer to a stranger: the page to sign in at to a reader, else 401."""
     path = scope["path"]
     if scope["method"] == "GET" and "text/html" in headers.get("accept", ""):
@@ -232,7 +240,7 @@ def _sign_in_first(scope: Scope, headers: Headers) -> ASGIApp:
         return RedirectResponse(f"/sign-in?next={quote(there, safe='')}", HTTPStatus.SEE_OTHER)
     return problem(
         HTTPStatus.UNAUTHORIZED,
-        "send the header `Authorization: Bearer TOKEN` with the coordinator's token",
+        sentence,
         headers={"WWW-Authenticate": "Bearer"},
     )
 

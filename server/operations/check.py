@@ -1,6 +1,7 @@
 """Is the database whole? What the coordinator promises, counted anew from the tables."""
 
 import hashlib
+import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -57,13 +58,19 @@ def back_up(engine: Engine, path: Path) -> None:
     """Copy a SQLite database while it is in use; the copy is as of one moment.
 
     Raises:
-        ConflictError: the file exists, or the database is not SQLite.
+        ConflictError: the file exists or cannot be written, or the database is not SQLite.
     """
     if engine.dialect.name != "sqlite":
         raise ConflictError("this is a PostgreSQL database: back it up with pg_dump")
     if path.exists():
         raise ConflictError(f"{path} exists: name a new file")
-    audit.copy(engine, path)
+    try:
+        audit.copy(engine, path)
+    except (OSError, sqlite3.OperationalError) as error:
+        raise ConflictError(
+            f"the copy {path.absolute()} cannot be written ({error}): name a file in a folder that "
+            "is there, where you may write and room is"
+        ) from error
 
 
 def _session_faults(engine: Engine) -> Iterator[str]:

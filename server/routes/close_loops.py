@@ -46,12 +46,12 @@ PAGE_POLICY = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inl
 #: What is said of a job that waits while no worker is there for it.
 NOTES = {
     JobKind.CLOSE_LOOP: (
-        "no worker that can close loops is at work: start `rehyb-worker` on a machine with "
-        "'rehyb[figures]'"
+        "no worker that can close loops is at work: start `rehyb-worker` without --lifetime on a "
+        "machine with 'rehyb[figures]'"
     ),
     JobKind.INTERPRETATION: (
-        "no worker with the bank for it is at work: start `rehyb-worker --bank FILE.npz` on a "
-        "machine with 'rehyb[figures]'"
+        "no worker with the bank for it is at work: start `rehyb-worker --bank FILE.npz` without "
+        "--lifetime on a machine with 'rehyb[figures]'"
     ),
 }
 MEDIA_TYPES = {

@@ -27,6 +27,9 @@ JOB = {
     "spec": SCALED["spec"]["jobTargetRef"],
 }
 WITH_PODS = [thing for thing in (*OWN, JOB) if "template" in thing.get("spec", {})]
+SERVICES = [thing for thing in OWN if thing["kind"] == "Service"]
+#: What programs of ours read from the environment.
+READ = {f"REHYB_{field.upper()}" for field in Settings.model_fields} | {"REHYB_URL", "REHYB_BANK"}
 
 
 def title(thing: Json) -> str:
@@ -35,6 +38,20 @@ def title(thing: Json) -> str:
 
 def pod(thing: Json) -> Json:
     return dict(thing["spec"]["template"]["spec"])
+
+
+def told_of(service: Json) -> set[str]:
+    """Return the variables that each pod gets for a service, unless its service links are off."""
+    if service["spec"].get("clusterIP") == "None":
+        return set()
+    name = service["metadata"]["name"].upper().replace("-", "_")
+    found = {f"{name}_SERVICE_HOST", f"{name}_SERVICE_PORT", f"{name}_PORT"}
+    for port in service["spec"]["ports"]:
+        named = port["name"].upper().replace("-", "_")
+        link = f"{name}_PORT_{port['port']}_{port.get('protocol', 'TCP')}"
+        found |= {f"{name}_SERVICE_PORT_{named}", link}
+        found |= {f"{link}_{part}" for part in ("PROTO", "PORT", "ADDR")}
+    return found
 
 
 @pytest.mark.parametrize("thing", [*OWN, JOB], ids=title)
@@ -74,6 +91,18 @@ def test_what_serves_is_probed_and_secrets_come_from_the_secret(thing: Json) -> 
                     Settings.model_fields
                 )
     assert "kind: Secret" not in "".join(FILES)
+
+
+def test_a_service_is_named_like_a_setting_of_ours() -> None:
+    # Which is why pods must not be told of services; without one they might be.
+    assert set().union(*map(told_of, SERVICES)) & READ == {"REHYB_PORT"}
+
+
+@pytest.mark.parametrize("thing", WITH_PODS, ids=title)
+def test_no_pod_takes_the_address_of_a_service_for_a_setting(thing: Json) -> None:
+    spec = pod(thing)
+    told = set().union(*map(told_of, SERVICES)) if spec.get("enableServiceLinks", True) else set()
+    assert not told & READ
 
 
 def test_services_and_budgets_find_pods_and_urls_find_services() -> None:

@@ -1,5 +1,6 @@
 """Commands about the coordinator's database: `db upgrade`, `backup`, `copy`, `check`."""
 
+import logging
 import os
 import threading
 from collections.abc import Iterator
@@ -16,7 +17,16 @@ from rehyb.errors import Invalid, RehybError, needs_extra
 if TYPE_CHECKING:
     from sqlalchemy.engine import Engine
 
+log = logging.getLogger(__name__)
+
+#: Seconds between two looks for a database that a coordinator has yet to make.
+LOOK_SECONDS = 1.0
+
 app = typer.Typer(help="The coordinator's database.", no_args_is_help=True)
+
+
+class NoDatabaseError(RehybError):
+    """There is no file of the database."""
 
 
 @app.command()
@@ -98,34 +108,62 @@ def opened(*, stop: threading.Event | None = None) -> Iterator["Engine"]:
     """Open the database at REHYB_DATABASE_URL, for which no token is needed; never make one.
 
     Args:
-        stop: if given, a server that is not there yet is waited for until it is set.
+        stop: if given, a server that is not there yet, and a coordinator that has yet to make the
+            database or to bring it to this version, are waited for until it is set.
 
     Raises:
         RehybError: it is not there, cannot be used, or has another version's schema.
     """
     with needs_extra("the database", "server"):
         from server.store import create_engine, require_current
-        from server.store.database.presence import once_there
 
     url = _url()
-    _check_there(url)
     with in_one_sentence():
         engine = create_engine(url)
         try:
             if stop is None:
+                _check_there(url)
                 require_current(engine)
             else:
-                once_there(engine, partial(require_current, engine), stop=stop)
+                _wait_until_current(engine, url, stop)
             yield engine
         finally:
             engine.dispose()
 
 
+def _wait_until_current(engine: "Engine", url: str, stop: threading.Event) -> None:
+    """Wait until the database has this version's schema; that, and its end, is logged once each.
+
+    Whoever starts beside a coordinator may be quicker.
+
+    Raises:
+        SchemaError: a newer version has made it.
+    """
+    from server.errors import OldSchemaError
+    from server.store import require_current
+    from server.store.database.presence import once_there
+
+    waits = False
+    while not stop.is_set():
+        try:
+            # To open a file that is not there would make it.
+            _check_there(url)
+            once_there(engine, partial(require_current, engine), stop=stop)
+            if waits:
+                log.warning("the database is there")
+            return
+        except (NoDatabaseError, OldSchemaError) as error:
+            if not waits:
+                log.warning("a coordinator's start is waited for: %s", error)
+            waits = True
+        stop.wait(LOOK_SECONDS)
+
+
 def _check_there(url: str) -> None:
-    """Raise RehybError if a SQLite database is nowhere: opening it would make an empty one."""
+    """Raise NoDatabaseError if a SQLite database is nowhere: opening it would make an empty one."""
     file = url.removeprefix("sqlite:///")
     if file != url and not Path(file).exists():
-        raise RehybError(
+        raise NoDatabaseError(
             f"there is no database {Path(file).absolute()}: set REHYB_DATABASE_URL, as in "
             "sqlite:///.rehyb/rehyb.sqlite3, where `rehyb up` keeps it"
         )

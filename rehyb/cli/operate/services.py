@@ -118,9 +118,9 @@ def coordinator() -> None:
 def analysis() -> None:
     """Turn results into indices as they arrive.
 
-    Runs until SIGTERM or Ctrl-C; a database that is away is waited for. REHYB_DATABASE_URL names
-    the coordinator's database. Several may run: whoever commits first wins, and the others carry on
-    from there.
+    Runs until SIGTERM or Ctrl-C; a database that is away, or that no coordinator has made or
+    brought to this version yet, is waited for. REHYB_DATABASE_URL names the coordinator's database.
+    Several may run: whoever commits first wins, and the others carry on from there.
     """
     with needs_extra("rehyb analysis", "server"):
         from analysis.sensitivity.service import follow

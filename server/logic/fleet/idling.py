@@ -3,7 +3,7 @@
 from collections import OrderedDict
 from math import ceil
 
-#: Workers without work ask so often in all, at most.
+#: Workers without work ask a coordinator so often in all, at most.
 ASKS_A_SECOND = 50.0
 #: No worker is told to wait for longer: so late the last of them notices that there is work. Well
 #: under the time after which a silent worker is taken for gone.
@@ -16,8 +16,8 @@ JOB_ASK_SECONDS = (2, 15)
 class Idle:
     """The workers that were last told that there is nothing to do.
 
-    Each coordinator counts those who ask it. Behind a balancer everybody asks everyone sooner or
-    later, so they count alike.
+    Each coordinator counts those who ask it. Where everybody asks everyone sooner or later, all
+    count alike; where a balancer divides the workers for good, each is asked as often as one alone.
     """
 
     def __init__(self) -> None:

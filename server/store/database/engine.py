@@ -49,10 +49,10 @@ def create_engine(
             for a lock for longer than `LOCK_SECONDS`.
 
     Raises:
-        CoordinatorError: there is no such kind of database, or the URL is none.
+        CoordinatorError: there is no such kind of database, or the URL is none, or names no file.
     """
     engine = sa.create_engine(
-        _of_known_kind(url),
+        of_known_kind(url),
         json_serializer=JSON.encode,
         execution_options={"writer": threading.Lock(), "presence": presence},
         pool_size=10,
@@ -79,15 +79,30 @@ def create_engine(
     return engine
 
 
-def _of_known_kind(url: str) -> sa.URL:
+def of_known_kind(url: str) -> sa.URL:
+    """Return the URL of a database that a coordinator can have; CoordinatorError if it is none."""
     with suppress(ArgumentError, ValueError):
         found = sa.make_url(url)
+        if found.drivername == "sqlite":
+            return _of_a_file(found)
         if found.drivername in KINDS:
             return found
     kind = url.partition("://")[0]
     raise CoordinatorError(
         "the database's URL must be sqlite:///FILE or postgresql+psycopg://USER@HOST:PORT/NAME; "
         f"the one that begins with {kind[:40]!r} cannot be used"
+    )
+
+
+def _of_a_file(url: sa.URL) -> sa.URL:
+    """Return a URL of SQLite that names a file; one in memory would be gone with its connection."""
+    # What follows two slashes is a host.
+    named = url.host is None and url.database not in (None, "", ":memory:")
+    if named and url.query.get("mode") != "memory":
+        return url
+    raise CoordinatorError(
+        "the database's URL names no file: sqlite:///FILE has three slashes, and a fourth before "
+        "a path from the root"
     )
 
 

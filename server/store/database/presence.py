@@ -3,8 +3,10 @@
 import logging
 import sqlite3
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from math import inf
 
 from sqlalchemy.engine import Engine
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError, SQLAlchemyError
@@ -17,6 +19,8 @@ log = logging.getLogger(__name__)
 
 #: Seconds a server may take to say that it is there.
 PING_SECONDS = 5
+#: Seconds without a failure after which one that comes and goes is back.
+CALM_SECONDS = 60.0
 
 #: PostgreSQL's codes of a lock that was not had in time, and of a server that takes no writes, as a
 #: standby that is not promoted yet (its documentation, appendix A).
@@ -138,12 +142,17 @@ def _again(act: Callable[[], object], first: SQLAlchemyError) -> None:
 class Presence:
     """Says in the log, once each, when the database goes and when it is back.
 
-    What else fails meanwhile because of that need not say so again: `is_told`.
+    One that goes again within a minute comes and goes, as a full disk does that still is read from:
+    from then on it is back only after a minute without a failure. What else fails meanwhile because
+    of that need not say so again: `is_told`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._lock = threading.Lock()
-        self._away = self._silent = False
+        self._clock = clock
+        self._away = self._silent = self._unsteady = False
+        #: When it failed last, and was said to be back.
+        self._failed_at = self._back_at = -inf
 
     @contextmanager
     def left_to_others(self) -> Iterator[None]:
@@ -168,16 +177,28 @@ class Presence:
             if waited_for_lock(error):
                 log.warning("a request waited in vain for what another one keeps locked")
             elif (why := why_away(error)) is not None:
-                self._turn(True, "the database is away or full, and who asks is told to wait", why)
+                self._goes(why)
             raise
         if self._away:
-            self._turn(False, "the database is back")
+            self._answers()
 
-    def _turn(self, away: bool, *said: str) -> None:
+    def _goes(self, why: str) -> None:
         with self._lock:
-            before, self._away = self._away, away
-        if before != away and not self._silent:
-            log.warning("%s", ": ".join(said))
+            self._failed_at = self._clock()
+            new, self._away = not self._away, True
+            if new:
+                self._unsteady = self._failed_at < self._back_at + CALM_SECONDS
+        if new and not self._silent:
+            log.warning("the database is away or full, and who asks is told to wait: %s", why)
+
+    def _answers(self) -> None:
+        with self._lock:
+            now = self._clock()
+            back = self._away and (not self._unsteady or now >= self._failed_at + CALM_SECONDS)
+            if back:
+                self._away, self._back_at = False, now
+        if back and not self._silent:
+            log.warning("the database is back")
 
 
 def is_told(error: BaseException | None) -> bool:

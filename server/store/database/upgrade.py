@@ -10,7 +10,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy.engine import Connection, Engine
 
 import migrations
-from server.errors import SchemaError
+from server.errors import OldSchemaError, SchemaError
 from server.store.database.engine import create_engine, reading, writing
 
 #: Any number, as long as every version of this program takes the same PostgreSQL advisory lock.
@@ -37,11 +37,15 @@ def upgrade(url: str) -> None:
 
 
 def require_current(engine: Engine) -> None:
-    """Raise SchemaError unless the database has this version's schema."""
+    """Raise SchemaError unless the database has this version's schema.
+
+    Raises:
+        OldSchemaError: it has none, or an older one.
+    """
     with reading(engine) as connection:
         current, head = _current(connection), _head()
     if current != head:
-        raise SchemaError(
+        raise OldSchemaError(
             f"the database has schema {current or 'none'}, this rehyb works with {head}: "
             "run `rehyb db upgrade`"
         )

@@ -39,6 +39,7 @@ _EVERY = sa.select(
     )
 )
 _ONE = _EVERY.where(studies.c.id == sa.bindparam("of_study"))
+# Without SKIP LOCKED: a worker that skipped the only study with work would leave without any.
 FIND, FIND_LOCKED = Prepared(_ONE), Prepared(_ONE.with_for_update())
 _TAKEN = studies.c.result_count + studies.c.leased
 _WORK = sa.select(

@@ -64,6 +64,27 @@ def test_results_for_different_coordinators_wait_in_different_folders(
 
 
 @pytest.mark.parametrize(
+    ("place", "why"), [("file", "File exists"), ("file/folder", "Not a directory")]
+)
+def test_a_spool_that_cannot_be_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    place: str,
+    why: str,
+) -> None:
+    monkeypatch.setenv("REHYB_TOKEN", "t")
+    (tmp_path / "file").touch()
+    folder = tmp_path / place
+    status, said = run(monkeypatch, capsys, "--spool", str(folder), "--processes", "1")
+    assert status == 1
+    assert said == (
+        f"rehyb-worker: results cannot wait in {folder}: {why}; "
+        "name with --spool a folder that is there or can be made\n"
+    )
+
+
+@pytest.mark.parametrize(
     ("lifetime", "words"),
     [("soon", "--lifetime is a time like 90s"), ("3s", "--lifetime 3s is too short: give it 10 s")],
 )

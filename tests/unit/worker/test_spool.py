@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from rehyb.errors import RehybError
 from worker.spool import Spool
 
 DIES_WITH_RESULTS = """
@@ -26,6 +27,12 @@ def result(instance: str) -> dict[str, object]:
 
 def test_a_new_spool_has_nothing_to_post(tmp_path: Path) -> None:
     assert Spool(tmp_path, "w").next_batch() is None
+
+
+def test_a_folder_that_takes_no_file_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "w.spool").mkdir()
+    with pytest.raises(RehybError, match=r"cannot wait in .*: unable to open database file; name"):
+        Spool(tmp_path, "w")
 
 
 def test_results_of_one_lease_are_posted_together_oldest_first(tmp_path: Path) -> None:
@@ -145,7 +152,7 @@ def test_results_of_a_worker_that_lives_are_left_alone(tmp_path: Path) -> None:
 
 def test_two_workers_cannot_share_a_spool(tmp_path: Path) -> None:
     first = Spool(tmp_path, "w")
-    with pytest.raises(sqlite3.OperationalError, match="locked"):
+    with pytest.raises(RehybError, match="locked"):
         Spool(tmp_path, "w")
     first.close()
 

@@ -102,6 +102,26 @@ def test_a_revoked_token_is_good_for_seconds_only(
     assert client.get("/v1/studies", headers=headers).status_code == 401
 
 
+def test_who_sent_a_token_is_told_that_it_is_refused_and_who_sent_none_how_to(
+    client: TestClient, app: FastAPI
+) -> None:
+    token_id, revoked = bearing(app, "read")
+    tokens.revoke(app.state.engine, token_id, now=2.0)
+
+    def told(**headers: str) -> str:
+        client.headers.pop("Authorization", None)
+        answer = client.get("/v1/studies", headers=headers)
+        assert answer.status_code == 401 and answer.headers["WWW-Authenticate"] == "Bearer"
+        return str(answer.json()["detail"])
+
+    refused = told(Authorization="Bearer made-up")
+    assert "refused: it is unknown or revoked" in refused and "`rehyb token create" in refused
+    # Whoever tries some learns of none that it was good once.
+    assert told(**revoked) == refused
+    for nothing in ({}, {"Authorization": "Bearer "}, {"Authorization": "Basic bWU6bXk="}):
+        assert told(**nothing).startswith("send the header `Authorization: Bearer TOKEN`")
+
+
 def test_guessing_is_cut_short_and_harms_nobody_who_knows(
     client: TestClient, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:

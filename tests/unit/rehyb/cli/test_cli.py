@@ -188,6 +188,43 @@ def test_a_database_that_cannot_be_opened_is_one_sentence(
     )
 
 
+@pytest.mark.parametrize("url", ["sqlite://", "sqlite:///:memory:"])
+@pytest.mark.parametrize("command", ["coordinator", "db upgrade", "db copy sqlite:///b"])
+def test_a_database_without_a_file_is_one_sentence_and_leaves_none(
+    run: Run, command: str, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("REHYB_DATABASE_URL", url)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    status, _, err = run(*command.split())
+    assert status == 1 and len(err.splitlines()) == 1
+    assert "no file" in err or "there is no database" in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_copy_into_no_file_is_one_sentence(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{tmp_path / 'a.sqlite3'}")
+    run("db", "upgrade")
+    status, _, err = run("db", "copy", "sqlite://")
+    assert status == 1
+    assert err.startswith("rehyb: the database's URL names no file") and err.count("\n") == 1
+
+
+@pytest.mark.parametrize("place", ["nowhere/copy.sqlite3", "file/copy.sqlite3"])
+def test_a_backup_that_cannot_be_written_is_one_sentence_with_its_place(
+    run: Run, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{tmp_path / 'a.sqlite3'}")
+    run("db", "upgrade")
+    (tmp_path / "file").touch()
+    status, _, err = run("db", "backup", str(tmp_path / place))
+    assert status == 1 and len(err.splitlines()) == 1
+    assert err.startswith(f"rehyb: the copy {tmp_path / place} cannot be written (")
+    assert "name a file in a folder that is there" in err
+
+
 @pytest.mark.parametrize(
     "command",
     [
@@ -197,7 +234,6 @@ def test_a_database_that_cannot_be_opened_is_one_sentence(
         "token create anna --scope read",
         "token list",
         "token revoke abc",
-        "analysis",
     ],
 )
 def test_no_empty_database_is_made_beside_the_one_that_was_meant(
@@ -206,8 +242,6 @@ def test_no_empty_database_is_made_beside_the_one_that_was_meant(
     """In another folder than that of `rehyb up`: a token that no coordinator knows, say."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("REHYB_DATABASE_URL", raising=False)
-    # `analysis` ends by signals.
-    monkeypatch.setattr("signal.signal", lambda *_: None)
     status, _, err = run(*command.split())
     assert status == 1 and "there is no database" in err and ".rehyb/rehyb.sqlite3" in err
     assert not list(tmp_path.glob("*.sqlite3"))

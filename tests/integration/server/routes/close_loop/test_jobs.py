@@ -76,7 +76,10 @@ def test_progress_is_what_the_worker_last_said(
     client: TestClient, clock: Clock, session: str
 ) -> None:
     job = asked(client, session)
-    assert "no worker that can close loops" in shown(client, job)["note"]
+    note = shown(client, job)["note"]
+    assert "no worker that can close loops" in note
+    # Pilots and the pods of our manifests are there, and do not.
+    assert "`rehyb-worker` without --lifetime" in note
     lease = held(client)
     body = {"lease": lease["lease"], "fence": lease["fence"], "progress": "tracing"}
     clock.advance(50.0)
