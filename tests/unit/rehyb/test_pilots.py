@@ -12,7 +12,7 @@ import pytest
 from rehyb.client import Client
 from rehyb.durations import seconds
 from rehyb.errors import FleetError, Invalid
-from rehyb.pilots.engines import JobState, ParslEngine
+from rehyb.pilots.engines import JobState
 from rehyb.pilots.keeper import ENVIRONMENT, JOB, KEEPER, SHORT_LIVES, Keeper
 from rehyb.pilots.scaling import Work, may_start, step
 from rehyb.pilots.settings import checked, read
@@ -143,27 +143,6 @@ def test_without_the_batch_systems_command_it_says_where_to_run(
     assert status == 2
     assert words.startswith("rehyb: there is no sbatch on this machine")
     assert len(words.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"partiton": "x"}, "has no 'partiton': it takes cmd_timeout"),
-        ({"max_blocks": 3}, "has no 'max_blocks'"),
-    ],
-)
-def test_an_option_that_a_provider_lacks_is_one_sentence(
-    tmp_path: Path, options: dict[str, Any], words: str
-) -> None:
-    with pytest.raises(Invalid, match=words):
-        ParslEngine("local", folder=tmp_path, walltime=60.0, cores=1, before="", options=options)
-
-
-def test_a_folder_that_needs_quotes_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(Invalid, match=r"my site has characters .* with --directory"):
-        ParslEngine(
-            "local", folder=tmp_path / "my site", walltime=60.0, cores=1, before="", options={}
-        )
 
 
 @pytest.mark.parametrize(
