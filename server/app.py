@@ -201,6 +201,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     finally:
         # Also of what refuses to start.
         await state.exchange.close()
+        state.readiness.close()
         if state.traces is not None:
             await in_thread(state.traces.close)
         state.engine.dispose()

@@ -4,7 +4,6 @@ import hashlib
 import json
 import logging
 import os
-import secrets
 import signal
 import socket
 import sys
@@ -32,7 +31,7 @@ from worker.close_loop.child import work as work_on_session
 from worker.close_loop.jobs import CloseLoopJobs
 from worker.doctor import Severity, examine
 from worker.leases import Leases
-from worker.machine import describe
+from worker.machine import describe, new_id
 from worker.models.canaries import Canaries
 from worker.models.offered import WorkerModels
 from worker.renewing import Renewals
@@ -178,7 +177,7 @@ def work(
         client.answer_by = second_client.answer_by = leave_at
         versions, own = describe()
         worker: dict[str, Any] = {
-            "id": f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}",
+            "id": new_id(os.environ.get("REHYB_WORKER_GROUP", "")),
             "host": host or socket.gethostname(),
             "versions": versions,
             "tags": [tag.strip() for tag in tags.split(",") if tag.strip()],

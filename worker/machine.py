@@ -1,11 +1,15 @@
 """What this machine is, as far as it decides which bits a simulation comes out with."""
 
 import json
+import os
+import re
+import secrets
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
-from rehyb.errors import RehybError
+from rehyb.errors import Invalid, RehybError
 from sim.evaluation import code, versions
 
 #: Seconds the canary may take: half a second of simulation, and MuJoCo's first start from a disk
@@ -13,6 +17,7 @@ from sim.evaluation import code, versions
 CANARY_SECONDS = 120.0
 #: x86-64 and ARM. More of them would only part machines that compute the same bits.
 VECTOR_FLAGS = ("sse4_2", "avx", "avx2", "fma", "avx512f", "asimd", "sve")
+_GROUP = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,39}")
 #: Evaluates the nominal elbow and prints a digest of the bits of its outputs. Rehyb's own models
 #: are described there, too, since that loads NumPy.
 _CANARY = """
@@ -28,6 +33,21 @@ print(json.dumps([hashlib.sha256(bits.encode()).hexdigest()[:16], done.wall_seco
 
 class CanaryError(RehybError):
     """This machine cannot evaluate the nominal elbow."""
+
+
+def new_id(group: str) -> str:
+    """Return what a coordinator shall call this worker, which no other is called.
+
+    Args:
+        group: of workers alike, for whoever starts them (REHYB_WORKER_GROUP); empty: of none.
+
+    Raises:
+        Invalid: the id names a file, and the group cannot be part of that.
+    """
+    if group and not _GROUP.fullmatch(group):
+        raise Invalid(f"REHYB_WORKER_GROUP is up to 40 letters, digits and ._-, not {group[:60]!r}")
+    made = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}"
+    return f"{group}-{made}" if group else made
 
 
 def describe() -> tuple[dict[str, str], list[str]]:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlencode
+from urllib.parse import quote, urlencode
 
 from rehyb.client.connection import Connection, Json
 from rehyb.client.states import StudyState
@@ -41,9 +41,14 @@ class Studies(Connection):
         studies: list[Json] = self._json("GET", "/v1/studies")["studies"]
         return studies
 
-    def work(self) -> Json:
-        """Return {"waiting", "under_way"}: instances to hand out now, and those workers have."""
-        return self._json("GET", "/v1/work")
+    def work(self, group: str | None = None) -> Json:
+        """Return {"waiting", "under_way"}: instances to hand out now, and those workers have.
+
+        Args:
+            group: whose workers (REHYB_WORKER_GROUP) would take them. Those that they may not have
+                are counted as "unfit" instead, and "why" says why.
+        """
+        return self._json("GET", "/v1/work" + (f"?group={quote(group)}" if group else ""))
 
     def study(self, study_id: str) -> Json:
         """Return one study; NotFound if there is none."""

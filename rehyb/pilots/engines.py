@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rehyb.errors import FleetError, Invalid, needs_extra
+from rehyb.pilots.options import objection
 
 
 class JobState(StrEnum):
@@ -133,13 +134,16 @@ class ParslEngine:
         # What it logs is said here again, in one sentence.
         logging.getLogger("parsl").setLevel(logging.CRITICAL)
         provider: Any = getattr(providers, kind.provider)
-        known = list(inspect.signature(provider.__init__).parameters)[1:]
-        for option in options:
+        parameters = inspect.signature(provider.__init__).parameters
+        known = list(parameters)[1:]
+        for option, value in options.items():
             if option not in known or option in _OURS or option == kind.cores:
                 free = [one for one in known if one not in _OURS and one != kind.cores]
                 raise Invalid(
                     f"[options] of {name} has no {option!r}: it takes {', '.join(sorted(free))}"
                 )
+            if (wrong := objection(parameters[option], value)) is not None:
+                raise Invalid(f"[options] of {name}: {wrong}")
         given = {**kind.defaults, "worker_init": before, **options}
         if "walltime" in known:
             given["walltime"] = _clock(walltime)
@@ -149,7 +153,7 @@ class ParslEngine:
             self._provider = provider(**given)
         except Exception as error:
             # Whatever parsl checks, with whatever it checks.
-            raise Invalid(f"[options] of {name}: {_first_line(error)}") from None
+            raise Invalid(f"[options] of {name}: {_in_one_line(error)}") from None
         folder.mkdir(parents=True, exist_ok=True)
         self._provider.script_dir = str(folder)
         self._states = {
@@ -198,6 +202,11 @@ def _clock(walltime: float) -> str:
     """Return seconds as HH:MM:SS, of whole minutes: some batch systems know nothing smaller."""
     minutes = ceil(walltime / 60.0)
     return f"{minutes // 60:02}:{minutes % 60:02}:00"
+
+
+def _in_one_line(error: Exception) -> str:
+    """Return all that an error says: the first of several lines may only announce the others."""
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _first_line(error: Exception) -> str:

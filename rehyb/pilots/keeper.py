@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rehyb.client import Client
+from rehyb.client import Client, Json
 from rehyb.errors import FleetError, ServerError, Unreachable
 from rehyb.pilots.engines import Engine, JobState
 from rehyb.pilots.scaling import Work, head_start, may_start, step
@@ -100,7 +100,11 @@ class Keeper:
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         self.name = secrets.token_hex(4)
-        told = {"REHYB_URL": self.client.url, "REHYB_TOKEN": self.token}
+        told = {
+            "REHYB_URL": self.client.url,
+            "REHYB_TOKEN": self.token,
+            "REHYB_WORKER_GROUP": self.group,
+        }
         text = "".join(f"export {name}={shlex.quote(value)}\n" for name, value in told.items())
         path = self.folder / ENVIRONMENT
         path.unlink(missing_ok=True)
@@ -112,6 +116,11 @@ class Keeper:
         with whole_file(self.folder / KEEPER) as draft:
             draft.write_text(f"{self.name}\n")
 
+    @property
+    def group(self) -> str:
+        """What the coordinator knows the workers of its pilots by."""
+        return f"pilots-{self.name}"
+
     def look(self, now: float) -> Status:
         """Look at work and jobs, and do what follows.
 
@@ -121,7 +130,7 @@ class Keeper:
         """
         trouble = self._note_ended(now)
         try:
-            told = self.client.work()
+            told = self.client.work(self.group)
         except (Unreachable, ServerError) as error:
             # Pilots keep what they have; none is started for nobody knows what.
             return self._status(self._work, len(self.jobs), str(error))
@@ -146,6 +155,7 @@ class Keeper:
             self._refusal = f"no more pilots for now: {error}"
         if now < self._silent_until:
             trouble = trouble or self._refusal
+        trouble = trouble or _what_others_must_do(told)
         return self._status(work, next_step.wanted, trouble)
 
     def drain(self, wait: Callable[[float], None], on_status: Callable[[Status], None]) -> None:
@@ -247,3 +257,18 @@ class Keeper:
             submitted=self.submitted,
             trouble=trouble,
         )
+
+
+def _what_others_must_do(told: Json) -> str:
+    """Return in a sentence what waits for workers of another kind; empty: nothing does.
+
+    Pilots are taken to be alike: more of the same would come, wait, leave and come again for ever.
+    """
+    # An older coordinator does not know.
+    unfit = told.get("unfit", 0)
+    if not unfit:
+        return ""
+    return (
+        f"no pilot is started for {unfit} more instance{'s' * (unfit > 1)}, which these pilots "
+        f"cannot take: {told['why']}; change the pilots and start rehyb pilots again"
+    )

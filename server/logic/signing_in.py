@@ -1,13 +1,12 @@
 """How a browser is known: a cookie that says who signed in, sealed with the operator's token.
 
-Nothing is stored: a coordinator that restarts knows its readers again, and one with another token
-knows none. The cookie is no token: it is good for pages of this coordinator only, and only as long
-as the token that was shown is.
+Of cookies nothing is stored: a coordinator that restarts knows its readers again, and one with
+another token knows none. The cookie is no token: it is good for pages of this coordinator only, and
+only as long as the token that was shown is.
 """
 
 import hashlib
 import hmac
-import secrets
 from collections.abc import Mapping
 
 #: Who has the operator's own token, which is in no table.
@@ -48,26 +47,6 @@ class Seal:
 
     def _mark(self, said: str) -> str:
         return hmac.new(self._key, said.encode(), "sha256").hexdigest()
-
-
-class Codes:
-    """Codes that sign in once, as in the address that `rehyb up` prints."""
-
-    def __init__(self) -> None:
-        self._open: dict[str, tuple[str, float]] = {}
-
-    def new(self, who: str, *, now: float) -> str:
-        """Return a new code for `who`."""
-        while len(self._open) >= MOST_CODES:
-            del self._open[next(iter(self._open))]
-        code = secrets.token_urlsafe(16)
-        self._open[code] = (who, now + CODE_SECONDS)
-        return code
-
-    def take(self, code: str, *, now: float) -> str | None:
-        """Return whose a code is, which is then used up; None if it is no good."""
-        who, until = self._open.pop(code, ("", 0.0))
-        return who if now < until else None
 
 
 def comes_from_here(headers: Mapping[str, str]) -> bool:

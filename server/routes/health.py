@@ -14,9 +14,9 @@ def alive() -> dict[str, str]:
 
 
 @router.get("/readyz")
-def ready(request: Request) -> dict[str, str]:
-    """Answer 200 if a lease could be served, else 503: the schema is another, the disk is full."""
-    objection = request.app.state.readiness.objection()
+async def ready(request: Request) -> dict[str, str]:
+    """Answer 200 if a worker could be served, else 503: the schema is another, the disk is full."""
+    objection = await request.app.state.readiness.objection()
     if objection is not None:
         raise HTTPException(503, f"the database cannot be used: {objection}", headers=AGAIN)
     return {"status": "ready"}

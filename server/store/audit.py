@@ -7,8 +7,10 @@ from time import monotonic
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.exc import DBAPIError
 
 from server.states import ComparisonState, InstanceState, LeaseState, Outcome
+from server.store.database.presence import waited_for_lock
 from server.store.database.schema import (
     OF_INSTANCE,
     comparisons,
@@ -16,7 +18,11 @@ from server.store.database.schema import (
     leases,
     results,
     studies,
+    workers,
 )
+
+#: Milliseconds that a look waits for a lock: a migration or a vacuum may be about to let go of it.
+LOOK_MILLISECONDS = 500
 
 
 def studies_by_age(connection: Connection) -> list[str]:
@@ -107,6 +113,26 @@ def damage(connection: Connection, *, seconds: float) -> str | None:
     finally:
         driver.set_progress_handler(None, 0)
     return None if said == "ok" else said
+
+
+def what_is_locked(connection: Connection) -> str | None:
+    """Say that somebody keeps tables locked that a lease changes; None: nobody does.
+
+    By taking, until the transaction ends, the locks that writing a row takes on its table. They
+    hinder nobody who only reads or writes. Of SQLite's one lock whoever may write knows already.
+    """
+    if connection.dialect.name == "sqlite":
+        return None
+    connection.exec_driver_sql(f"SET LOCAL lock_timeout = {LOOK_MILLISECONDS}")
+    names = ", ".join(table.name for table in (studies, workers, leases, instances, results))
+    try:
+        with connection.begin_nested():
+            connection.exec_driver_sql(f"LOCK TABLE {names} IN ROW EXCLUSIVE MODE")
+    except DBAPIError as error:
+        if not waited_for_lock(error):
+            raise
+        return f"another session keeps a table locked ({names})"
+    return None
 
 
 def write_nothing_new(connection: Connection) -> None:

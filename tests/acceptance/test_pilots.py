@@ -172,6 +172,23 @@ def test_pilots_come_are_killed_and_leave_and_the_indices_do_not_show_it(site: S
     finished(site, study)
 
 
+@pytest.mark.parametrize("site", ["local"], indirect=True)
+def test_what_pilots_cannot_take_starts_none_after_the_first_and_other_work_does_at_once(
+    site: Site,
+) -> None:
+    tagged = site.submit({**STUDY, "tags": ["gpu"]})
+    known = site.look_until(lambda status: status.waiting == 0)
+    assert f"study {tagged['id']} is for workers tagged gpu" in known.trouble
+    # Idle for three seconds, they leave.
+    site.look_until(lambda status: status.pilots_running + status.pilots_waiting == 0)
+    until = time.monotonic() + 5.0
+    after = site.look_until(lambda _: time.monotonic() > until)
+    assert after.submitted == known.submitted <= 2
+    study = site.submit({**STUDY, "rows": 20})
+    assert site.keeper.look(time.monotonic()).submitted == known.submitted + 2
+    finished(site, {**study, "rows": 20})
+
+
 @pytest.mark.parametrize("site", ["slurm"], indirect=True)
 def test_on_slurm_a_study_outlives_scancel_walltime_and_a_drained_node(site: Site) -> None:
     study = site.submit({**STUDY, "rows": 1200})

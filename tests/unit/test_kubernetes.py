@@ -87,9 +87,9 @@ def test_what_serves_is_probed_and_secrets_come_from_the_secret(thing: Json) -> 
             if any(word in name for word in ("TOKEN", "PASSWORD", "DATABASE_URL")):
                 assert variable["valueFrom"]["secretKeyRef"]["name"] == "rehyb"
             if name.startswith("REHYB_"):
-                assert name == "REHYB_URL" or name.removeprefix("REHYB_").lower() in (
-                    Settings.model_fields
-                )
+                assert name in ("REHYB_URL", "REHYB_WORKER_GROUP") or name.removeprefix(
+                    "REHYB_"
+                ).lower() in (Settings.model_fields)
     assert "kind: Secret" not in "".join(FILES)
 
 
@@ -134,7 +134,11 @@ def test_workers_are_started_with_options_that_exist() -> None:
 def test_keda_asks_what_the_coordinator_tells() -> None:
     (trigger,) = SCALED["spec"]["triggers"]
     about = trigger["metadata"]
-    assert about["url"].endswith(":8787/v1/work") and about["valueLocation"] == "waiting"
+    (container,) = SCALED["spec"]["jobTargetRef"]["template"]["spec"]["containers"]
+    (group,) = (one["value"] for one in container["env"] if one["name"] == "REHYB_WORKER_GROUP")
+    # Of what its own workers may have: no others come of it.
+    assert about["url"].endswith(f":8787/v1/work?group={group}")
+    assert about["valueLocation"] == "waiting"
     (login,) = (thing for thing in OBJECTS if thing["kind"] == "TriggerAuthentication")
     assert trigger["authenticationRef"]["name"] == login["metadata"]["name"]
     assert login["spec"]["secretTargetRef"][0]["name"] == "rehyb"

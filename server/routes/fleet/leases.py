@@ -34,6 +34,9 @@ log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/v1/leases", tags=["leases"])
 
+#: What `/readyz` calls what a worker was not given.
+LEASE = "lease"
+
 #: One line. All of a worker's are written at each of its requests, and kept for ever.
 Reason = Annotated[str, StringConstraints(max_length=300, pattern=r"^[^\x00-\x1f\x7f]*$")]
 Fence = Annotated[int, Field(ge=0, le=MAX_INTEGER)]
@@ -113,9 +116,9 @@ async def lease(body: LeaseBody, request: Request) -> Response:
         try:
             _, found = await state.exchange(Exchange(request=wanted, now=now, ttl=ttl))
         except (SQLAlchemyError, sqlite3.Error) as error:
-            state.readiness.failed(error)
+            state.readiness.failed(LEASE, error)
             raise
-    state.readiness.served()
+    state.readiness.served(LEASE)
     if isinstance(found, Ineligible):
         state.metrics.misfits.inc()
         raise ConflictError(found.why)

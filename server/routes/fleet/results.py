@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from fastapi import APIRouter, HTTPException, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field, StringConstraints
+from sqlalchemy.exc import SQLAlchemyError
+from starlette.datastructures import State
 
 from analysis.files.parquet import parquet
 from analysis.files.results_csv import columns
@@ -21,13 +23,14 @@ from server.logic.fleet.verdicts import Judgement, Report
 from server.logic.study.table import lines
 from server.metrics import Metrics
 from server.operations.fleet import results
-from server.operations.fleet.exchange import Exchange, Grant, Ineligible, Post
+from server.operations.fleet.exchange import Answer, Exchange, Grant, Ineligible, Post
 from server.operations.study import studies
 from server.routes.common import Body, Direct, Id, Name, Store, as_json, example
-from server.routes.fleet.leases import Fence, LeaseBody, granted, requested, sweep
+from server.routes.fleet.leases import LEASE, Fence, LeaseBody, granted, requested, sweep
 from server.routes.study.studies import show
 from server.settings import Settings
 from server.states import REFUSALS, Verdict
+from server.store.database.presence import why_away
 
 if TYPE_CHECKING:
     from server.tracing import Traces
@@ -38,6 +41,8 @@ router = APIRouter(prefix="/v1", tags=["results"])
 
 Short = Annotated[str, StringConstraints(max_length=256)]
 
+#: What `/readyz` calls what a worker was not given.
+POST = "post of results"
 #: Lines sent at a time.
 CHUNK = 500
 
@@ -98,13 +103,13 @@ async def post(body: ResultsBody, request: Request) -> Response:
     answer: dict[str, Any] = {}
     headers: dict[str, str] = {}
     if body.next is None:
-        judgements, _ = await state.exchange(Exchange(posted=posted, now=now, ttl=ttl))
+        judgements, _ = await _exchanged(state, Exchange(posted=posted, now=now, ttl=ttl))
     else:
         asked = requested(body.next)
         await sweep(state)
         with measures.lease_seconds.time():
             both = Exchange(posted=posted, request=asked, now=now, ttl=ttl)
-            judgements, found = await state.exchange(both)
+            judgements, found = await _exchanged(state, both)
         misfit = found.why if isinstance(found, Ineligible) else None
         measures.misfits.inc(misfit is not None)
         answer["misfit"] = misfit
@@ -131,6 +136,19 @@ router.add_api_route(
     response_model=dict[str, Any],
     route_class_override=Direct,
 )
+
+
+async def _exchanged(state: State, exchange: Exchange) -> Answer:
+    """Serve a worker that posts, and note how that went for `/readyz`."""
+    try:
+        answer: Answer = await state.exchange(exchange)
+    except SQLAlchemyError as error:
+        # Not of what one body alone brings about: others would be served.
+        if why_away(error) is not None:
+            state.readiness.failed(POST, error)
+        raise
+    state.readiness.served(POST, *([] if exchange.request is None else [LEASE]))
+    return answer
 
 
 def _posted(body: ResultsBody, settings: Settings) -> Post:

@@ -1,18 +1,29 @@
 """Who works for this coordinator."""
 
 from dataclasses import asdict
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 
 from server.logic.fleet.comparisons import Reputation
 from server.operations.fleet import comparisons
-from server.routes.common import Store
+from server.operations.fleet import work as of_work
+from server.routes.common import PRINTABLE, Now, Store
 from server.store.database.engine import reading
 from server.store.fleet import workers
-from server.store.study import studies
 
 router = APIRouter(prefix="/v1", tags=["workers"])
+
+Group = Annotated[
+    str | None,
+    Query(
+        min_length=1,
+        max_length=40,
+        pattern=PRINTABLE,
+        examples=["lab-2"],
+        description="What workers have as REHYB_WORKER_GROUP: their ids begin with it.",
+    ),
+]
 
 
 @router.get("/workers")
@@ -32,11 +43,13 @@ def every(store: Store) -> dict[str, Any]:
 
 
 @router.get("/work")
-def work(store: Store) -> dict[str, int]:
+def work(store: Store, now: Now, group: Group = None) -> dict[str, Any]:
     """Tell how many instances could be handed out now, and how many workers have.
 
-    Those of paused studies do not wait. For whatever starts workers.
+    Those of paused studies do not wait. For whatever starts workers: with `group`, those do not
+    wait either that the group's latest workers may not have; `unfit` counts them, and `why` says
+    why. If none of the group asked for a quarter of an hour, one of them waits for a look.
     """
-    with reading(store) as connection:
-        waiting, under_way = studies.work(connection)
-    return {"waiting": waiting, "under_way": under_way}
+    found, under_way = of_work.work(store, group, now=now)
+    told = {"waiting": found.waiting, "under_way": under_way}
+    return told if group is None else {**told, "unfit": found.unfit, "why": found.why}

@@ -213,6 +213,16 @@ tokens = sa.Table(
     sa.Column("revoked_at", sa.Double),
 )
 
+#: Codes that sign a browser in, once, until a moment (seconds, UTC epoch). Of a code only its
+#: digest is kept; `who` is a token's id, or the operator.
+sign_in_codes = sa.Table(
+    "sign_in_codes",
+    metadata,
+    sa.Column("digest", sa.String(64), primary_key=True),
+    sa.Column("who", sa.String(16), nullable=False),
+    sa.Column("good_until", sa.Double, nullable=False),
+)
+
 #: Who has ever asked for work.
 workers = sa.Table(
     "workers",

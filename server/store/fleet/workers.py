@@ -76,6 +76,13 @@ def heard(connection: Connection, *, after: float, most: int | None = None) -> l
     return [_worker(row) for row in connection.execute(query)]
 
 
+def latest_of(connection: Connection, beginning: str, *, most: int) -> list[Worker]:
+    """Return the workers with ids that begin so who were heard from last."""
+    query = sa.select(workers).where(workers.c.id.startswith(beginning, autoescape=True))
+    query = query.order_by(workers.c.last_seen.desc(), workers.c.id).limit(most)
+    return [_worker(row) for row in connection.execute(query)]
+
+
 def find(connection: Connection, worker: str) -> Worker | None:
     """Return a worker as it last introduced itself; None if it never did."""
     found = connection.execute(sa.select(workers).where(workers.c.id == worker)).one_or_none()

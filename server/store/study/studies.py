@@ -52,6 +52,12 @@ _WORK = sa.select(
     ),
     sa.func.sum(studies.c.leased),
 )
+_SERVED = _EVERY.where(
+    sa.or_(
+        sa.and_(studies.c.state == StudyState.RUNNING, studies.c.instances > _TAKEN),
+        sa.and_(studies.c.state == StudyState.DRAINING, studies.c.handed_out > _TAKEN),
+    )
+)
 _ONE_TO_SAVE = sa.update(studies).where(studies.c.id == sa.bindparam("of_study"))
 _SAVE = Prepared(_ONE_TO_SAVE, "of_study", "rows", "instances", *_COURSE)
 _SAVE_COUNTS = Prepared(_ONE_TO_SAVE, "of_study", *_COUNTS)
@@ -107,6 +113,11 @@ def work(connection: Connection) -> tuple[int, int]:
     """Return how many instances could be handed out now, and how many workers have."""
     waiting, under_way = connection.execute(_WORK).one()
     return int(waiting or 0), int(under_way or 0)
+
+
+def served(connection: Connection) -> list[Study]:
+    """Return the studies of which instances could be handed out now."""
+    return [study_of(row) for row in connection.execute(_SERVED)]
 
 
 def save(connection: Connection, study: Study, *, counted: bool = False) -> None:

@@ -12,8 +12,8 @@ import pytest
 from rehyb.client import Client
 from rehyb.durations import seconds
 from rehyb.errors import FleetError, Invalid
-from rehyb.pilots.engines import JobState, ParslEngine
-from rehyb.pilots.keeper import JOB, KEEPER, SHORT_LIVES, Keeper
+from rehyb.pilots.engines import JobState
+from rehyb.pilots.keeper import ENVIRONMENT, JOB, KEEPER, SHORT_LIVES, Keeper
 from rehyb.pilots.scaling import Work, may_start, step
 from rehyb.pilots.settings import checked, read
 from tests.testbed.command import Run
@@ -49,7 +49,8 @@ class Site:
     """A keeper with a batch system and a coordinator that has so much work."""
 
     def __init__(self, folder: Path, **said: Any) -> None:
-        self.work = {"waiting": 0, "under_way": 0}
+        self.work: dict[str, Any] = {"waiting": 0, "under_way": 0}
+        self.groups: set[str] = set()
         self.batch = Batch()
         self.keeper = Keeper(
             settings=checked({**FILE, **said}),
@@ -63,6 +64,7 @@ class Site:
     def answer(self, request: httpx2.Request) -> httpx2.Response:
         if not self.work:
             raise httpx2.ConnectError("connection refused")
+        self.groups.add(request.url.params["group"])
         return httpx2.Response(200, json=self.work)
 
     def run(self) -> None:
@@ -144,27 +146,6 @@ def test_without_the_batch_systems_command_it_says_where_to_run(
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"partiton": "x"}, "has no 'partiton': it takes cmd_timeout"),
-        ({"max_blocks": 3}, "has no 'max_blocks'"),
-    ],
-)
-def test_an_option_that_a_provider_lacks_is_one_sentence(
-    tmp_path: Path, options: dict[str, Any], words: str
-) -> None:
-    with pytest.raises(Invalid, match=words):
-        ParslEngine("local", folder=tmp_path, walltime=60.0, cores=1, before="", options=options)
-
-
-def test_a_folder_that_needs_quotes_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(Invalid, match=r"my site has characters .* with --directory"):
-        ParslEngine(
-            "local", folder=tmp_path / "my site", walltime=60.0, cores=1, before="", options={}
-        )
-
-
-@pytest.mark.parametrize(
     ("work", "jobs", "wanted", "submit", "cancel"),
     [
         ((0, 0), "", 1, 1, ""),
@@ -240,6 +221,33 @@ def test_pilots_that_die_at_once_are_not_started_for_ever(site: Site) -> None:
             site.keeper.look(float(second))
             site.batch.jobs = dict.fromkeys(site.batch.jobs, ENDED)
     assert len(site.batch.jobs) == SHORT_LIVES
+
+
+def test_none_is_started_for_what_pilots_cannot_take_and_what_to_do_is_one_sentence(
+    site: Site,
+) -> None:
+    why = "study s is for workers tagged gpu (rehyb-worker --tags)"
+    site.work = {"waiting": 0, "under_way": 0, "unfit": 8, "why": why}
+    status = site.keeper.look(0.0)
+    assert status.submitted == 0
+    assert status.trouble == (
+        f"no pilot is started for 8 more instances, which these pilots cannot take: {why}; "
+        "change the pilots and start rehyb pilots again"
+    )
+    site.work |= {"waiting": 4}
+    assert site.keeper.look(1.0).submitted == 1, "what they can take is not held up"
+
+
+def test_the_coordinator_is_asked_for_what_the_workers_of_these_pilots_may_have(
+    site: Site,
+) -> None:
+    site.keeper.look(0.0)
+    (group,) = site.groups
+    assert f"export REHYB_WORKER_GROUP={group}\n" in (site.keeper.folder / ENVIRONMENT).read_text()
+    # They may be others now.
+    site.keeper.prepare()
+    site.keeper.look(1.0)
+    assert len(site.groups) == 2
 
 
 def test_draining_lets_those_that_run_finish_and_cancels_who_stays(site: Site) -> None:

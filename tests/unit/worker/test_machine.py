@@ -1,5 +1,6 @@
 """What a worker says of its machine, and what the doctor finds."""
 
+import socket
 from collections.abc import Callable
 from datetime import UTC, datetime
 from email.utils import format_datetime
@@ -9,10 +10,10 @@ import httpx2
 import pytest
 
 from rehyb.client import Client
-from rehyb.errors import RehybError
+from rehyb.errors import Invalid, RehybError
 from sim.evaluation import code
 from worker.doctor import Finding, examine
-from worker.machine import CanaryError, canary, cpu
+from worker.machine import CanaryError, canary, cpu, new_id
 
 FAST = 'print(\'["c0ffee", 0.4, ["elbow@1"]]\')'
 
@@ -128,3 +129,15 @@ def test_a_processor_is_known_by_its_vector_instructions(
     (tmp_path / "cpuinfo").write_text(text)
     assert cpu(tmp_path / "cpuinfo") == words
     assert cpu(tmp_path / "not linux") == "unknown"
+
+
+def test_the_id_of_a_worker_begins_with_its_group_and_is_nobody_elses() -> None:
+    assert len({new_id("day-2") for _ in range(3)}) == 3
+    assert new_id("day-2").startswith(f"day-2-{socket.gethostname()}-")
+    assert new_id("").startswith(f"{socket.gethostname()}-")
+
+
+@pytest.mark.parametrize("group", ["../x", "a b", "-a", "a" * 41])
+def test_a_group_that_no_file_can_be_named_by_is_refused(group: str) -> None:
+    with pytest.raises(Invalid, match="REHYB_WORKER_GROUP is up to 40 letters"):
+        new_id(group)

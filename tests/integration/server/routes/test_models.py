@@ -171,6 +171,31 @@ def test_a_study_says_why_a_worker_refuses_its_model(client: TestClient) -> None
     assert client.get("/v1/workers").json()["workers"][0]["refused"] == {}
 
 
+def test_a_model_whose_code_a_group_lacks_is_no_work_for_it_but_one_that_it_brings_is(
+    client: TestClient,
+) -> None:
+    def told(group: str) -> Any:
+        found = client.get(f"/v1/work?group={group}").json()
+        return found["waiting"], found["unfit"], found["why"]
+
+    headers = {"X-Rehyb-Worker": "night-1"}
+    model = client.post("/v1/models", json=announced(), headers=headers).json()
+    version = f"elsewhere@{model['digest']}"
+    study = submitted(client, version)
+    count = study["instances"]
+    for group in ("day", "night"):
+        who = {"id": f"{group}-1", "host": "pc7"}
+        asked = {"worker": who, "models": ["ishigami"], "max_instances": 1}
+        assert client.post("/v1/leases", json=asked).status_code == 204
+    why = (
+        f"study {study['id']} samples {version}, whose code none of these workers has "
+        "(rehyb-worker --models or --allow)"
+    )
+    assert told("day") == (0, count, why)
+    # It has yet to try the model that it brought: until then it does not ask for its work.
+    assert told("night") == (count, 0, "")
+
+
 def test_a_row_stays_with_machines_that_compute_the_same_of_this_model(client: TestClient) -> None:
     model = client.post("/v1/models", json=announced()).json()
     version = f"elsewhere@{model['digest']}"

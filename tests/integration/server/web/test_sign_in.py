@@ -1,16 +1,19 @@
 """Signing in: who may, what a cookie is good for, and what no other site can do with it."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
+from pydantic import SecretStr
 from sqlalchemy.engine import Engine
 
+from server.app import create_app
 from server.logic.signing_in import SIGNED_IN_SECONDS
 from server.logic.tokens import FAILURES
 from server.operations import tokens
+from server.settings import Settings
 from server.web import assets
 from tests.testbed.clock import Clock
 
@@ -89,6 +92,23 @@ def test_a_code_signs_in_once_with_the_rights_of_whoever_asked_for_it(
     again = browser.post("/sign-in", json={"code": code}, headers=HERE)
     assert again.status_code == 401
     assert "used already" in again.json()["detail"]
+
+
+def test_a_code_of_one_coordinator_signs_in_at_any_other_once(
+    upgraded_database: Callable[[], str],
+) -> None:
+    url = upgraded_database()
+    apps = [create_app(Settings(database_url=url, token=SecretStr("t"))) for _ in range(2)]
+    bearer = {"Authorization": "Bearer t"}
+    with TestClient(apps[0]) as here, TestClient(apps[1]) as there:
+        for maker, asked in ((here, there), (there, here)):
+            code = maker.post("/v1/sign-in-codes", headers=bearer).json()["code"]
+            assert asked.post("/sign-in", json={"code": code}, headers=HERE).status_code == 204
+            # The cookie is good for both.
+            maker.cookies = asked.cookies
+            assert maker.get("/", headers=BROWSER).status_code == 200
+            again = maker.post("/sign-in", json={"code": code}, headers=HERE)
+            assert again.status_code == 401 and "used already" in again.json()["detail"]
 
 
 def test_a_reader_sees_no_button(browser: TestClient, engine: Engine) -> None:

@@ -22,6 +22,7 @@ Call = Callable[[Client], Any]
     ("call", "method", "path", "body"),
     [
         (lambda c: c.work(), "GET", "/v1/work", None),
+        (lambda c: c.work("a b"), "GET", "/v1/work?group=a%20b", None),
         (lambda c: c.study("s"), "GET", "/v1/studies/s", None),
         (lambda c: c.progress("s"), "GET", "/v1/studies/s/progress", None),
         (lambda c: c.indices("s"), "GET", "/v1/studies/s/indices", None),

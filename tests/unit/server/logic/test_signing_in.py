@@ -1,15 +1,8 @@
-"""Cookies and codes: good for whom they name, for as long as they say."""
+"""Cookies: good for whom they name, for as long as they say."""
 
 import pytest
 
-from server.logic.signing_in import (
-    CODE_SECONDS,
-    MOST_CODES,
-    OPERATOR,
-    Codes,
-    Seal,
-    comes_from_here,
-)
+from server.logic.signing_in import OPERATOR, Seal, comes_from_here
 
 
 def test_a_cookie_names_who_signed_in_until_its_time_is_over() -> None:
@@ -48,23 +41,6 @@ def test_a_later_version_knows_the_browsers_that_an_earlier_one_signed_in() -> N
 def test_a_name_may_hold_dots() -> None:
     seal = Seal("token")
     assert seal.open(seal.close("a.b", until=100.0), now=1.0) == "a.b"
-
-
-def test_a_code_signs_in_once_and_within_the_hour() -> None:
-    codes = Codes()
-    code = codes.new("anna", now=0.0)
-    assert len(code) == 22, "of 128 random bits"
-    assert codes.take(code, now=1.0) == "anna"
-    assert codes.take(code, now=1.0) is None
-    assert codes.take(codes.new("anna", now=0.0), now=CODE_SECONDS) is None
-    assert codes.take("", now=0.0) is None
-
-
-def test_codes_that_nobody_uses_do_not_pile_up() -> None:
-    codes = Codes()
-    first, *others = [codes.new("anna", now=0.0) for _ in range(MOST_CODES + 1)]
-    assert codes.take(first, now=1.0) is None
-    assert all(codes.take(code, now=1.0) for code in others)
 
 
 @pytest.mark.parametrize(

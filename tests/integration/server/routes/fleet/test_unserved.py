@@ -86,3 +86,30 @@ def test_progress_and_fleet_say_that_rows_wait_for_a_kind_of_machine_that_is_gon
     assert f"machines of class {kind} only" in page
     assert ask("w") == 201
     assert why() is None
+
+
+def of_group(name: str, **said: Any) -> Json:
+    return {"id": name, "host": name, "versions": {"mujoco": "4.0.1"}, **said}
+
+
+def test_whoever_starts_workers_is_told_what_those_of_a_group_may_not_have(
+    client: TestClient, clock: Any
+) -> None:
+    tagged = client.post("/v1/studies", json={**STUDY, "tags": ["gpu"]}).json()
+
+    def told(group: str = "day_") -> Json:
+        return dict(client.get(f"/v1/work?group={group}").json())
+
+    nothing_known = {"waiting": 10, "under_way": 0, "unfit": 0, "why": ""}
+    assert told() == nothing_known
+    for name in ("day_-1", "dayx-1", "day-1"):
+        assert client.post("/v1/leases", json=asking(worker=of_group(name))).status_code == 409
+    why = f"study {tagged['id']} is for workers tagged gpu (rehyb-worker --tags)"
+    assert told() == {"waiting": 0, "under_way": 0, "unfit": 10, "why": why}
+    assert told("night") == nothing_known
+    assert client.get("/v1/work").json() == {"waiting": 10, "under_way": 0}
+    clock.advance(900.0)
+    assert told()["waiting"] == 1, "somebody may have mended it"
+    client.post("/v1/leases", json=asking(worker=of_group("day_-2", tags=["gpu"])))
+    assert told()["unfit"] == 0
+    assert client.get("/v1/work?group=").status_code == 422
