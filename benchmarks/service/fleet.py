@@ -26,7 +26,7 @@ from benchmarks.service.coordinator import TOKEN, Running, coordinator, lease, s
 from benchmarks.service.pilots import Pilot
 from rehyb.client import Client
 from tests.testbed.coordinators.postgresql import serving
-from worker.leases import LEASE_SECONDS
+from worker.leases import WORK_SECONDS
 
 CORES = 32
 INSTANCE_SECONDS = 0.2
@@ -36,7 +36,7 @@ LONGEST_P99 = 0.1
 ENOUGH = 0.9
 #: Seconds of a step that count, and those before it in which everybody gets going: two leases.
 SECONDS = 15.0
-START_SECONDS = 2.0 * LEASE_SECONDS
+START_SECONDS = 2.0 * WORK_SECONDS
 #: Rows of five instances: more than anybody gets through.
 ROWS = 5_000_000
 #: A study to extrapolate to.
@@ -77,7 +77,7 @@ async def step(running: Sequence[Running], pilots: int, database: Sequence[int])
         everybody = [Pilot(u, client, n, CORES, INSTANCE_SECONDS) for n, u in enumerate(urls)]
     begin = loop.time()
     counts_from, end = begin + START_SECONDS, begin + START_SECONDS + SECONDS
-    work = [one.run(begin + rng.uniform(0.0, LEASE_SECONDS), end) for one in everybody]
+    work = [one.run(begin + rng.uniform(0.0, WORK_SECONDS), end) for one in everybody]
     servers = [one.pid for one in running]
     gathered = asyncio.gather(*work)
     await asyncio.sleep(counts_from - loop.time())
