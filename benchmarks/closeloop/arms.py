@@ -22,7 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.accuracy import TrialError, raw_errors
+from analysis.closeloop.identification.balance.accuracy import raw_errors
+from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import close_loop
 from analysis.closeloop.session.recording import Recording

@@ -85,8 +85,8 @@ def write_mtm(folder: Path, source: Path) -> None:
     folder.mkdir(parents=True)
     log = source / "data/mtm/measured_trajectory"
     coupled = np.eye(len(MTM))
-    for place, share in COUPLED.items():
-        coupled[place] = share
+    for axes, share in COUPLED.items():
+        coupled[axes] = share
     for name in ("one", "two"):
         _write_trial(folder / f"{name}.csv", log / f"{name}_results.csv", MTM, coupled)
     bodies = ""

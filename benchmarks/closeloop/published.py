@@ -178,12 +178,12 @@ def print_beside(report: Path, joints: Sequence[str], known: Mapping[str, Sequen
             print(f"  {effect} of {joint}: published {value:.3g}, {_found(effects, effect, joint)}")
     for entry in effects:
         if entry["name"] not in (*known, "link_inertia", "added_inertia"):
-            values = {
+            found = {
                 key: f"{p['value']:.3g} ({p['ci90'][0]:.3g} to {p['ci90'][1]:.3g})"
                 for key, p in entry["parameters"].items()
                 if p["value"] is not None and p["ci90"] is not None
             }
-            said = ", ".join(f"{key} {text}" for key, text in values.items())
+            said = ", ".join(f"{key} {text}" for key, text in found.items())
             print(f"  {entry['name']} of {entry['joint']}: {said}")
 
 

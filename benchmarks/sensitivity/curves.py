@@ -77,7 +77,7 @@ def studied(
     return found
 
 
-def judge(found: Mapping[str, Any], truth: Mapping[str, Mapping[str, Array]], held: Held) -> None:
+def judge(found: Mapping[str, Any], truth: Mapping[str, Any], held: Held) -> None:
     """Add whether the intervals and bands of one study hold the truth."""
     for index, true in truth["points"].items():
         for f, line in enumerate(found["factors"].values()):
@@ -123,7 +123,7 @@ def shares_of(function: CurveFunction) -> dict[str, dict[str, Any]]:
     }
 
 
-def effects_of(function: CurveFunction) -> dict[str, dict[str, Any]]:
+def effects_of(function: CurveFunction) -> dict[str, Any]:
     """Return the elementary effects of a long run, in which linear scrambles err least."""
     found = studied("morris", function, 7, (LONG_RUN,), SCRAMBLES["linear"])[LONG_RUN]
     factors = found["factors"].values()

@@ -141,4 +141,5 @@ def main(seeds: int = 20, first: int = FIRST_SEED, *names: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:3]), *sys.argv[3:])
+    seeds, first = (*map(int, sys.argv[1:3]), *(20, FIRST_SEED)[len(sys.argv[1:3]) :])
+    main(seeds, first, *sys.argv[3:])

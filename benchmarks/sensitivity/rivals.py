@@ -109,7 +109,8 @@ def _designed(rows: int) -> Iterator[Line]:
         found.getFirstOrderIndicesInterval(), found.getTotalOrderIndicesInterval()
         # It divides squares by 2 n - 1, and by the variance of A alone.
         scale = (1.0 - 0.5 / rows) * y[:, 0].var(ddof=1) / variance
-        return np.array(found.getTotalOrderIndices()) * scale
+        scaled: Array = np.array(found.getTotalOrderIndices()) * scale
+        return scaled
 
     yield Line(
         index="S, ST",

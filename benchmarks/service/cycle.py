@@ -9,7 +9,7 @@ import asyncio
 import json
 import tempfile
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from server.app import create_app
 from server.logic.fleet.verdicts import Report
 from server.logic.study.plans import draw_up
 from server.logic.study.points import parameters
-from server.operations.fleet.exchange import Exchange, LeaseRequest, Post
+from server.operations.fleet.exchange import Exchange, Grant, LeaseRequest, Post
 from server.operations.fleet.turns import serve_within
 from server.operations.study import studies
 from server.records import Introduction
@@ -83,7 +83,7 @@ async def transactions(app: FastAPI) -> float:
     request = LeaseRequest(worker=worker, models=["ishigami"], max_instances=BATCH)
     with begin() as connection:
         first = Exchange(request=request, now=time.time(), ttl=60.0)
-        ((_, held),) = serve_within(connection, [first])
+        held = granted(serve_within(connection, [first]))
 
     async def cycle() -> None:
         nonlocal held
@@ -109,11 +109,18 @@ async def transactions(app: FastAPI) -> float:
         with begin() as connection:
             now = time.time()
             both = Exchange(posted=posted, request=request, now=now, ttl=60.0)
-            ((_, held),) = serve_within(connection, [both])
+            held = granted(serve_within(connection, [both]))
 
     spent = await quickest(cycle)
     begin.close()
     return spent
+
+
+def granted(answers: Sequence[tuple[object, object]]) -> Grant:
+    """Return the lease of the one who asked."""
+    ((_, found),) = answers
+    assert isinstance(found, Grant)
+    return found
 
 
 async def points(app: FastAPI) -> float:

@@ -40,7 +40,7 @@ def main() -> None:
 def half_open(url: str) -> Iterator[list[socket.socket]]:
     """Open connections that begin a request and never end it."""
     where = urlsplit(url)
-    flood = []
+    flood: list[socket.socket] = []
     for _ in range(HALF_OPEN):
         flood.append(socket.create_connection((where.hostname, where.port)))
         flood[-1].send(b"POST /v1/leases HTTP/1.1\r\nHost:")
@@ -52,7 +52,7 @@ def half_open(url: str) -> Iterator[list[socket.socket]]:
 def waits(url: str) -> list[float]:
     """Return how long leases of one worker take that connects anew for each ten of them, s."""
     worker = {"id": "bench", "host": "here", "versions": {}}
-    found = []
+    found: list[float] = []
     while len(found) < LEASES:
         with Client(url, TOKEN) as client:
             for _ in range(10):

@@ -43,7 +43,9 @@ def main(rows: int = 128, model: str = "elbow_bushing") -> None:
     told = {}
     with get_context("spawn").Pool(1) as pool:
         for called, (shapes, dependence) in STUDIES.items():
-            normals = dependence and copula(dependence, NAMES, tuple(shapes.values()))
+            normals = (
+                None if dependence is None else copula(dependence, NAMES, tuple(shapes.values()))
+            )
             points = [
                 point
                 for row in range(rows)

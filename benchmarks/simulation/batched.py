@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing import get_context
-from multiprocessing.pool import ThreadPool
+from multiprocessing.pool import Pool, ThreadPool
 
 import mujoco
 import numpy as np
@@ -26,12 +26,14 @@ WEARERS, STEPS = 16, 200
 #: Assessments that a rate is taken over, by fidelity.
 COUNTS = {"campaign": 40, "bushing": 600}
 
+Pools = Callable[..., Pool]
+
 
 def run_nominal(fidelity: str, _: int) -> None:
     assess({}, fidelity=fidelity)
 
 
-def rate(fidelity: str, pools: Callable[..., ThreadPool], workers: int) -> float:
+def rate(fidelity: str, pools: Pools, workers: int) -> float:
     """Return assessments per second with `workers` processes or threads."""
     one, count = partial(run_nominal, fidelity), COUNTS[fidelity]
     with pools(workers) as pool:
@@ -71,10 +73,11 @@ def print_rates() -> None:
     """Print what processes, threads and the engine's batches make of two cores."""
     print("\nAssessments per second (nominal wearer)")
     for fidelity in (CAMPAIGN.name, "bushing"):
-        for kinds, pools in (
-            (("1 process", "2 processes"), get_context("spawn").Pool),
-            (("1 thread", "2 threads"), ThreadPool),
-        ):
+        kinds_of: dict[Pools, tuple[str, str]] = {
+            get_context("spawn").Pool: ("1 process", "2 processes"),
+            ThreadPool: ("1 thread", "2 threads"),
+        }
+        for pools, kinds in kinds_of.items():
             for workers, kind in enumerate(kinds, start=1):
                 found = rate(fidelity, pools, workers)
                 print(f"  {fidelity:10s} {kind:12s} {found:7.2f}", flush=True)

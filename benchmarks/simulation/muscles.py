@@ -92,7 +92,8 @@ def lever(wrap: Wrap, degrees: np.ndarray) -> np.ndarray:
     """Return the lever of the lateral head, mm, positive extends."""
     elbow = replace(PHYSIOLOGICAL_MUSCLES, extensors=with_trochlea(wrap))
     lengths = elbow_lengths(NOMINAL_WEARER, elbow)["triceps_lateral"]
-    return 1e3 * np.interp(np.radians(degrees), SWEEP, np.gradient(lengths, SWEEP))
+    arms: np.ndarray = 1e3 * np.interp(np.radians(degrees), SWEEP, np.gradient(lengths, SWEEP))
+    return arms
 
 
 def print_trochlea() -> None:

@@ -185,9 +185,9 @@ def _declared(
     found = {}
     for joint in robot.joints:
         size = joint.mass * 9.81 * max(0.05, float(np.linalg.norm(joint.com)))
-        values = (size * rng.uniform(0.05, 0.2), size * rng.uniform(0.02, 0.1))
+        level, slope = size * rng.uniform(0.05, 0.2), size * rng.uniform(0.02, 0.1)
         if joint.name not in taken:
-            found[joint.name] = tuple(map(float, values))
+            found[joint.name] = (float(level), float(slope))
     return found
 
 

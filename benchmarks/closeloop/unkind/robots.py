@@ -196,7 +196,7 @@ def draw_arm(rng: np.random.Generator, size: int) -> Robot:
         else str(rng.choice(PATTERNS))[:size]
     )
     mass, length = rng.uniform(3.0, 10.0), rng.uniform(0.2, 0.4)
-    joints = []
+    joints: list[Joint] = []
     for number, letter in enumerate(pattern):
         share = 0.62**number * rng.uniform(0.8, 1.2)
         own, long = mass * share, length * (0.8**number) * rng.uniform(0.8, 1.2)

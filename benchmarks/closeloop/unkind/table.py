@@ -100,7 +100,7 @@ def _print_world(own: list[Outcome], figures: Iterable[Figure]) -> None:
         span = "({:.2f}-{:.2f})".format(*wilson(sum(every), len(every))) if every else ""
         print(f"{title:25s} {_share(every):>14s} {span:11s} {cells[0]:>16s} {cells[1]:>16s}")
     if own[0].world == "limb":
-        sizes = [len(o.returned) for o in own if o.kind == "one" and o.names]
+        sizes = [float(len(o.returned)) for o in own if o.kind == "one" and o.names]
         after = [o.after for o in own if o.names and o.after is not None]
         before = [o.before for o in own if o.names and o.before is not None]
         print(f"{'mean set size':25s} {np.mean(sizes or [np.nan]):6.2f} of {len(sizes)}")

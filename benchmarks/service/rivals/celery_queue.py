@@ -42,9 +42,11 @@ def measure(folder: Path) -> list[Rival]:
                 tasks = TASKS * batch
                 submit(app, task, tasks, batch)
                 app.control.add_consumer("celery")
-                measured = watch(
-                    lambda batch=batch: results.dbsize() * batch, tasks, pids=[pid, *pids]
-                )
+
+                def finished(each: int = batch) -> int:
+                    return int(results.dbsize()) * each
+
+                measured = watch(finished, tasks, pids=[pid, *pids])
                 lacks = "" if batch == 1 else "a chunk is one task: one result, one fate"
                 found.append(Rival(name=name, batch=batch, throughput=measured, lacks=lacks))
     return found

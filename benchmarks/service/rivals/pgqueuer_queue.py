@@ -50,7 +50,7 @@ async def submit(url: str, tasks: int) -> None:
     queries = Queries(AsyncpgDriver(connection))
     await queries.install()
     await connection.execute(RESULTS)
-    payloads = [b"%d" % number for number in range(tasks)]
+    payloads: list[bytes | None] = [b"%d" % number for number in range(tasks)]
     await queries.enqueue(["noop"] * tasks, payloads, [0] * tasks)
     await connection.close()
 
@@ -65,7 +65,7 @@ def work(url: str, batch: int) -> None:
 
         @queuer.entrypoint("noop")
         async def noop(job: Job) -> None:
-            await results.execute("INSERT INTO results VALUES ($1, $2)", int(job.payload), 1.0)
+            await results.execute("INSERT INTO results VALUES ($1, $2)", int(job.payload or 0), 1.0)
 
         await queuer.run(batch_size=batch)
 

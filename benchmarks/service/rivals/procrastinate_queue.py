@@ -4,6 +4,7 @@ from importlib.metadata import version
 
 import sqlalchemy as sa
 from procrastinate import App, PsycopgConnector, SyncPsycopgConnector
+from procrastinate.types import JSONDict
 
 from benchmarks.measuring import watch
 from benchmarks.service.rivals import PROCESSES, Rival, processes
@@ -23,7 +24,8 @@ def measure(server: Server) -> list[Rival]:
     with app.open():
         app.schema_manager.apply_schema()
         app.connector.execute_query(RESULTS)
-        app.configure_task("noop").batch_defer(*({"number": number} for number in range(TASKS)))
+        numbers: list[JSONDict] = [{"number": number} for number in range(TASKS)]
+        app.configure_task("noop").batch_defer(*numbers)
     done = sa.text("SELECT count(*) FROM procrastinate_jobs WHERE status = 'succeeded'")
     engine = sa.create_engine(url.replace("://", "+psycopg://"), isolation_level="AUTOCOMMIT")
     with engine.connect() as connection, processes(PROCESSES, work, url) as pids:
