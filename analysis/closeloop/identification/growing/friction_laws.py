@@ -4,17 +4,17 @@ Laws are told from each other by what friction does when slow, and there every o
 with the velocity while true friction winds up first. A law with more freedom makes up for that: it
 goes by the position, or differs between directions. And a peak at low speed (Stribeck) is not seen
 at all. So once friction has been found its laws are compared again, each free to wind up over
-presliding's way (`presliding.free_winding`), and the simplest of those that predict left-out rows
-as well as the best is taken.
+presliding's way (`presliding.free_winding`) unless it predicts better as it turns, and the simplest
+of those that predict left-out rows as well as the best is taken. (Where rows about a turn are left
+out that freedom fits noise: of an opponent's arm a right law then lost twenty times as much.)
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from analysis.closeloop.identification.balance.luck import (
-    ALONE_Z,
     LARGE_GAIN,
     MIN_GAIN,
     more_than_luck,
@@ -66,13 +66,8 @@ def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
 
 def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: Rows) -> Grown:
     """Return what was found with one law in the place of a joint's friction, if it is another."""
-    wound = winding_freely(grown.model, step.taken.candidate.joint, rows)
-    current = evaluate(wound, rows)
-    missed = more_than_luck(grown.score.losses, current.losses, rows.fold_of_block, ALONE_Z)
+    current = _turned([grown.model], step.taken.candidate.joint, rows)[1]
     named = sum(s.taken.candidate.effect.complexity for s in own)
-    if named == PLAINEST and not missed:
-        # No law is simpler, and a richer one needs turns that are missed.
-        return grown
     joint = _bare(grown, step.taken.candidate.joint)
     laws = list(_laws(rest, step.taken.candidate, rows, joint))
     if not laws:
@@ -85,7 +80,7 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     if taken.candidate.effect.complexity < named:
         if not predicts_as_well(taken.score, current):
             return grown
-    elif not missed or not _hidden(taken, grown, [current, *_same(laws, step)], rows):
+    elif not _hidden(taken, grown, [current, *_same(laws, step)], rows):
         return grown
     model = _turning_as_fits(taken, rest, rows, joint)
     score = evaluate(model, rows)
@@ -115,35 +110,36 @@ def _bare(grown: Grown, number: int) -> RecordedJoint:
     return RecordedJoint(grown.model.recording, number, estimate)
 
 
-def _hidden(taken: Option, grown: Grown, wound: list[Score], rows: Rows) -> bool:
+def _hidden(taken: Option, grown: Grown, others: list[Score], rows: Rows) -> bool:
     """Whether left-out rows miss a richer law beside the turns of what was found.
 
     Args:
-        taken: the richer law, free to wind up.
+        taken: the richer law, free to wind up or as it turns.
         grown: what was found, as it turns.
-        wound: scores of that where it is free to wind up.
+        others: scores of that, as it turns best and where it is free to wind up.
         rows: the samples to fit.
     """
     folds, joint = rows.fold_of_block, taken.candidate.joint
     # What a richer law winds up has more freedom, too: both get it.
-    model, alike = winding_freely(taken.model, joint, rows), grown.model
-    for term in model.terms[len(taken.model.terms) :]:
-        alike = with_independent(alike, term, rows)
-    beside = min([*wound, evaluate(alike, rows)], key=lambda score: score.loss)
+    alike = grown.model
+    for term in taken.model.terms:
+        if term.joint == joint and term.effect is None:
+            alike = with_independent(alike, term, rows)
+    beside = min([*others, evaluate(alike, rows)], key=lambda score: score.loss)
     # A form of winding up that is a little wrong leaves something that another law takes. (A
     # quarter, as of peaks, since one of an opponent's arms had a fifth.)
     return (
-        _adds(model, taken.score, joint, rows) > MIN_GAIN
+        _adds(taken, joint, rows) > MIN_GAIN
         and beside.loss - taken.score.loss > LARGE_GAIN * beside.loss
         # The best of all laws.
         and more_than_luck(beside.losses, taken.score.losses, folds)
     )
 
 
-def _adds(model: Model, score: Score, joint: int, rows: Rows) -> float:
+def _adds(law: Option, joint: int, rows: Rows) -> float:
     """Return what a law adds to its first level over all its friction, in root mean square."""
     first, whole = np.zeros(len(rows.samples[joint])), np.zeros(len(rows.samples[joint]))
-    for term, own in model.split(score.coefficients):
+    for term, own in law.model.split(law.score.coefficients):
         if term.rubs and term.joint == joint:
             torque = kept_columns(term)[joint][rows.samples[joint]] * own
             whole += torque.sum(axis=1)
@@ -157,7 +153,7 @@ def _same(laws: list[Option], step: Step) -> list[Score]:
 
 
 def _laws(rest: Model, found: Candidate, rows: Rows, joint: RecordedJoint) -> Iterator[Option]:
-    """Yield every law of friction beside `rest`, free to wind up, with the best parameters."""
+    """Yield every law of friction beside `rest`, free to wind up or not, with its parameters."""
     bare = evaluate(rest, rows)
     present = {found.key, *(candidate.key for candidate in rest.effects)}
     for effect in EFFECTS:
@@ -171,13 +167,22 @@ def _laws(rest: Model, found: Candidate, rows: Rows, joint: RecordedJoint) -> It
             model = with_law(rest, candidate, theta, rows, joint)
             if model is None:
                 continue
-            wound = winding_freely(model, found.joint, rows)
-            fitted.append((evaluate(wound, rows), model))
+            fitted.append(model)
         if not fitted:
             continue
-        score, model = min(fitted, key=lambda pair: pair[0].sse)
+        model, score = _turned(fitted, found.joint, rows)
         gain, error = compare(bare.losses, score.losses)
         yield Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
+
+
+def _turned(models: Sequence[Model], joint: int, rows: Rows) -> tuple[Model, Score]:
+    """Return the best of one law's fits, free to wind up or as it is, whichever predicts better."""
+    best = []
+    for free in (True, False):
+        tried = [winding_freely(model, joint, rows) if free else model for model in models]
+        scored = [(model, evaluate(model, rows)) for model in tried]
+        best.append(min(scored, key=lambda pair: pair[1].sse))
+    return min(best, key=lambda pair: pair[1].loss)
 
 
 def with_law(
@@ -199,10 +204,7 @@ def with_law(
 
 def _turning_as_fits(law: Option, rest: Model, rows: Rows, joint: RecordedJoint) -> Model:
     """Return the model with a law that turns over the velocity that fits best without winding."""
-    found = [law.model]
-    for parameter in (p for p in law.candidate.effect.nonlinear if p.name in TURNS):
-        for value in parameter.grid:
-            theta = {**law.theta, parameter.name: value}
-            model = with_law(rest, law.candidate, theta, rows, joint)
-            found += [] if model is None else [model]
-    return min(found, key=lambda model: evaluate(model, rows).sse)
+    turns = (p for p in law.candidate.effect.nonlinear if p.name in TURNS)
+    thetas = [law.theta, *({**law.theta, p.name: value} for p in turns for value in p.grid)]
+    found = [with_law(rest, law.candidate, theta, rows, joint) for theta in thetas]
+    return min((m for m in found if m is not None), key=lambda model: evaluate(model, rows).sse)
