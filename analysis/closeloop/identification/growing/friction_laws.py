@@ -39,9 +39,6 @@ from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Theta
 from sim.effects.motion import RecordedJoint
 
-#: Parameters of the simplest law.
-PLAINEST = min(effect.complexity for effect in EFFECTS if effect.rubs)
-
 
 def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
     """Return what was found, with the law of every joint's friction chosen where it may wind up.
@@ -66,7 +63,7 @@ def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
 
 def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: Rows) -> Grown:
     """Return what was found with one law in the place of a joint's friction, if it is another."""
-    current = _turned([grown.model], step.taken.candidate.joint, rows)[1]
+    *_, current = _turned([grown.model], step.taken.candidate.joint, rows)
     named = sum(s.taken.candidate.effect.complexity for s in own)
     joint = _bare(grown, step.taken.candidate.joint)
     laws = list(_laws(rest, step.taken.candidate, rows, joint))
@@ -116,30 +113,30 @@ def _hidden(taken: Option, grown: Grown, others: list[Score], rows: Rows) -> boo
     Args:
         taken: the richer law, free to wind up or as it turns.
         grown: what was found, as it turns.
-        others: scores of that, as it turns best and where it is free to wind up.
+        others: scores of that as it turns best, and as one of the laws.
         rows: the samples to fit.
     """
     folds, joint = rows.fold_of_block, taken.candidate.joint
     # What a richer law winds up has more freedom, too: both get it.
+    _, model, _ = _turned([taken.model], joint, rows)
     alike = grown.model
-    for term in taken.model.terms:
-        if term.joint == joint and term.effect is None:
-            alike = with_independent(alike, term, rows)
+    for term in model.terms[len(taken.model.terms) :]:
+        alike = with_independent(alike, term, rows)
     beside = min([*others, evaluate(alike, rows)], key=lambda score: score.loss)
     # A form of winding up that is a little wrong leaves something that another law takes. (A
     # quarter, as of peaks, since one of an opponent's arms had a fifth.)
     return (
-        _adds(taken, joint, rows) > MIN_GAIN
+        _adds(model, taken.score, joint, rows) > MIN_GAIN
         and beside.loss - taken.score.loss > LARGE_GAIN * beside.loss
         # The best of all laws.
         and more_than_luck(beside.losses, taken.score.losses, folds)
     )
 
 
-def _adds(law: Option, joint: int, rows: Rows) -> float:
+def _adds(model: Model, score: Score, joint: int, rows: Rows) -> float:
     """Return what a law adds to its first level over all its friction, in root mean square."""
     first, whole = np.zeros(len(rows.samples[joint])), np.zeros(len(rows.samples[joint]))
-    for term, own in law.model.split(law.score.coefficients):
+    for term, own in model.split(score.coefficients):
         if term.rubs and term.joint == joint:
             torque = kept_columns(term)[joint][rows.samples[joint]] * own
             whole += torque.sum(axis=1)
@@ -170,19 +167,19 @@ def _laws(rest: Model, found: Candidate, rows: Rows, joint: RecordedJoint) -> It
             fitted.append(model)
         if not fitted:
             continue
-        model, score = _turned(fitted, found.joint, rows)
+        model, _, score = _turned(fitted, found.joint, rows)
         gain, error = compare(bare.losses, score.losses)
         yield Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
 
 
-def _turned(models: Sequence[Model], joint: int, rows: Rows) -> tuple[Model, Score]:
-    """Return the best of one law's fits, free to wind up or as it is, whichever predicts better."""
+def _turned(models: Sequence[Model], joint: int, rows: Rows) -> tuple[Model, Model, Score]:
+    """Return the best of one law's fits, and that free to wind up if it predicts better so."""
     best = []
     for free in (True, False):
-        tried = [winding_freely(model, joint, rows) if free else model for model in models]
-        scored = [(model, evaluate(model, rows)) for model in tried]
-        best.append(min(scored, key=lambda pair: pair[1].sse))
-    return min(best, key=lambda pair: pair[1].loss)
+        tried = [(model, winding_freely(model, joint, rows) if free else model) for model in models]
+        scored = [(*fit, evaluate(fit[1], rows)) for fit in tried]
+        best.append(min(scored, key=lambda fit: fit[2].sse))
+    return min(best, key=lambda fit: fit[2].loss)
 
 
 def with_law(
@@ -204,7 +201,10 @@ def with_law(
 
 def _turning_as_fits(law: Option, rest: Model, rows: Rows, joint: RecordedJoint) -> Model:
     """Return the model with a law that turns over the velocity that fits best without winding."""
-    turns = (p for p in law.candidate.effect.nonlinear if p.name in TURNS)
-    thetas = [law.theta, *({**law.theta, p.name: value} for p in turns for value in p.grid)]
-    found = [with_law(rest, law.candidate, theta, rows, joint) for theta in thetas]
-    return min((m for m in found if m is not None), key=lambda model: evaluate(model, rows).sse)
+    found = [law.model]
+    for parameter in (p for p in law.candidate.effect.nonlinear if p.name in TURNS):
+        for value in parameter.grid:
+            theta = {**law.theta, parameter.name: value}
+            model = with_law(rest, law.candidate, theta, rows, joint)
+            found += [] if model is None else [model]
+    return min(found, key=lambda model: evaluate(model, rows).sse)

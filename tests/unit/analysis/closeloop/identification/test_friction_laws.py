@@ -39,6 +39,23 @@ def wound(elbow: Recording, excess: float) -> Recording:
     return replace(elbow, effort=elbow.filtered(effort), cache={})
 
 
+def loaded(seconds: int, quicker: float) -> Recording:
+    """The elbow with friction that grows with its load, told where it is quick enough.
+
+    Args:
+        seconds: of the recording.
+        quicker: share of the top speed below which nothing is told, as about a turn.
+    """
+    elbow = rich_elbow(seconds)
+    joint = unfitted(elbow, ELBOW)
+    level = 0.5 * FRICTION + 0.15 * np.abs(elbow.static[:, ELBOW])
+    effort = np.array(elbow.inverse)
+    effort[:, ELBOW] += level * np.tanh(joint.velocity / (0.004 * joint.top_speed))
+    effort += NOISE * np.random.default_rng(5).standard_normal(effort.shape)
+    slow = np.abs(elbow.velocity) <= quicker * joint.top_speed
+    return replace(elbow, effort=elbow.filtered(effort), disturbed=slow, cache={})
+
+
 def named(recording: Recording, rows: Rows, name: str, **theta: float) -> Grown:
     """What is found where one law was named."""
     candidate = Candidate(effect=BY_NAME[name], joint=ELBOW)
@@ -78,3 +95,19 @@ def test_the_simplest_law_that_predicts_as_well_as_the_best_where_it_winds_up_is
     assert again.score.loss == pytest.approx(evaluate(again.model, rows).loss)
     level = again.score.coefficients[0]
     assert level == pytest.approx(FRICTION, abs=0.1)
+
+
+def test_a_law_that_is_right_is_not_put_aside_since_winding_freely_fits_noise() -> None:
+    # Of what turns nothing is told.
+    quick = loaded(3, 0.2)
+    rows = select_rows(quick, (0,))
+    found = named(quick, rows, "load_dependent_friction", smooth=0.004, load=0.0)
+    assert with_wound_laws(found, rows).steps == found.steps
+
+
+def test_a_richer_law_is_named_also_where_friction_turns_as_the_plain_one_does() -> None:
+    slow = loaded(10, 0.0)
+    rows = select_rows(slow, (0,))
+    again = with_wound_laws(named(slow, rows, "coulomb_friction", smooth=0.004), rows)
+    assert [step.key for step in again.steps] == [("load_dependent_friction", ELBOW)]
+    assert again.score.coefficients == pytest.approx([0.5 * FRICTION, 0.15], abs=0.02)
