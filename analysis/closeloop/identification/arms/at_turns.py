@@ -10,7 +10,7 @@ control of systems with friction): one way, and the excess comes on both sides o
 bristles leave something only after it.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from itertools import product
 
@@ -53,6 +53,8 @@ SPEEDS = np.geomspace(0.01, 0.4, 12)
 #: then yields, or less and less (Dahl 1968). (Ways an octave apart gave two of four
 #: arms of an opponent an excess a quarter too large: a third of one was set while looking at them.)
 WAYS, EXPONENTS = np.geomspace(1.0 / 64.0, 1.0, 19), (1.0, 0.0)
+#: Steps from the best speed, and from the best way, at which both are asked once more.
+FINER = np.linspace(-0.9, 0.9, 13)
 NOTE = (
     "stribeck_friction of {}: where it turns, friction winds up over {:.2g} {} and is larger when "
     "slow; what is fitted beside it allows for the winding, model_after.xml does not"
@@ -131,10 +133,12 @@ def _peak(grown: Grown, rows: Rows, joint: int) -> Peak | None:
     base, lower = rest.base(rows)
     target = rest.target(rows)
     recorded = unfitted(rows.recording, joint)
-    plain, peaked = (
-        score(rows, target, base, lower, variants, (0.0,))
-        for variants in _variants(rest, rows, recorded)
-    )
+
+    def fitted(variants: list[Variant]) -> Score:
+        return score(rows, target, base, lower, variants, (0.0,))
+
+    bends = list(product(WAYS * PRESLIDING_SHARE * recorded.travel[1], EXPONENTS))
+    plain, peaked = map(fitted, _variants(rest, rows, recorded, bends, SPEEDS))
     worse, better = plain.losses, peaked.losses
     # No error of smoothing has the form: where a joint turns it takes of an acceleration, which is
     # as if less held the joint before the turn, and an excess is more.
@@ -143,21 +147,31 @@ def _peak(grown: Grown, rows: Rows, joint: int) -> Peak | None:
     least = max(LARGE_GAIN * plain.loss, least)
     shown = plain.loss - peaked.loss > least
     shown = shown and more_than_luck(worse, better, rows.fold_of_block, ALONE_Z)
-    return Peak(plain, peaked) if shown else None
+    if not shown:
+        return None
+    about = peaked.variant.theta
+    bends = [(about["way"] * float((WAYS[1] / WAYS[0]) ** by), about["exponent"]) for by in FINER]
+    speeds = about["speed"] * (SPEEDS[1] / SPEEDS[0]) ** FINER
+    return Peak(plain, fitted(_variants(rest, rows, recorded, bends, speeds)[1]))
 
 
-def _variants(rest: Model, rows: Rows, joint: RecordedJoint) -> tuple[list[Variant], list[Variant]]:
-    """Return friction that winds up over each way: without an excess, and with each."""
-    longest = PRESLIDING_SHARE * joint.travel[1]
-    slow = [_slowness(joint, speed) for speed in SPEEDS]
+def _variants(
+    rest: Model,
+    rows: Rows,
+    joint: RecordedJoint,
+    bends: Iterable[tuple[float, float]],
+    speeds: np.ndarray,
+) -> tuple[list[Variant], list[Variant]]:
+    """Return friction that winds up by each way and exponent: without an excess, and with each."""
+    slow = [_slowness(joint, speed) for speed in speeds]
     plain, peaked = [], []
-    for way, exponent in product(WAYS * longest, EXPONENTS):
+    for way, exponent in bends:
         wound = joint.wound(way, exponent)
         columns = np.stack([wound, *(wound * part for part in slow)], axis=1)
         stacked = rows.stack(rest.transformed({joint.number: columns}), columns.shape[1])
         theta = {"way": float(way), "exponent": exponent}
         plain.append(Variant(theta=theta, columns=stacked[:, :1], kept=(0,)))
-        for number, speed in enumerate(SPEEDS, 1):
+        for number, speed in enumerate(speeds, 1):
             beside = {**theta, "speed": float(speed)}
             peaked.append(Variant(theta=beside, columns=stacked[:, [0, number]], kept=(0, 1)))
     return plain, peaked
@@ -167,6 +181,12 @@ def _slowness(joint: RecordedJoint, speed: float) -> np.ndarray:
     """Return 1 at rest and 0 when fast, (n,), about a speed over the top speed."""
     values = STRIBECK.fixed(joint, {"speed": speed})
     return np.asarray(slowness(values, joint))
+
+
+def _further(joint: RecordedJoint, way: float, exponent: float) -> np.ndarray:
+    """Return how the state of a bristle changes with the way over which it bends, (n,)."""
+    step = 2.0**0.25
+    return np.asarray(joint.wound(way * step, exponent) - joint.wound(way / step, exponent))
 
 
 def _with_excess(grown: Grown, rows: Rows, joint: int, peak: Peak) -> Grown | None:
@@ -186,7 +206,10 @@ def _with_excess(grown: Grown, rows: Rows, joint: int, peak: Peak) -> Grown | No
     # What the law lacks where it has not slid yet, of its level and of its excess.
     lacks = (recorded.wound(found["way"], found["exponent"]) - sign[:, 0])[:, None]
     slow = _slowness(recorded, found["speed"])
-    winding = Term(joint=joint, columns={joint: lacks * np.stack([np.ones_like(slow), slow], 1)})
+    # The way is an estimate, too: else intervals would be of who knows it.
+    further = _further(recorded, found["way"], found["exponent"])[:, None]
+    both = np.stack([np.ones_like(slow), slow], axis=1)
+    winding = Term(joint=joint, columns={joint: np.hstack([lacks * both, further * both])})
     model = with_independent(model, winding, rows)
     fitted = evaluate(model, rows)
     if beyond_physics(model, fitted, stribeck):
