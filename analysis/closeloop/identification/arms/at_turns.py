@@ -11,7 +11,7 @@ bristles leave something only after it.
 """
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -212,7 +212,7 @@ def _with_excess(grown: Grown, rows: Rows, joint: int, peak: Peak) -> Grown | No
     winding = Term(joint=joint, columns={joint: np.hstack([lacks * both, further * both])})
     model = with_independent(model, winding, rows)
     fitted = evaluate(model, rows)
-    if beyond_physics(model, fitted, stribeck):
+    if beyond_physics(model, fitted, stribeck) or not _slides(model, stribeck, rows):
         return None
     gain, error = compare(peak.plain.losses, peak.peaked.losses)
     taken = Option(
@@ -226,3 +226,16 @@ def _with_excess(grown: Grown, rows: Rows, joint: int, peak: Peak) -> Grown | No
     step = Step(taken=taken, equals=(), options=(), before=peak.plain.loss)
     others = tuple(other for other in grown.steps if other.key != coulomb.key)
     return Grown(model, fitted, (*others, step))
+
+
+def _slides(model: Model, candidate: Candidate, rows: Rows) -> bool:
+    """Whether a law's excess gains more than luck beside all that may wind up.
+
+    Else it is of the winding's form, which no bristle here has quite.
+    """
+    joint = candidate.joint
+    (law,) = [term for term in model.terms if term.candidate == candidate]
+    level = replace(law, columns={joint: law.columns[joint][:, :1]}, kept=(0,))
+    without = replace(model, terms=tuple(level if term is law else term for term in model.terms))
+    worse, better = (evaluate(one, rows).losses for one in (without, model))
+    return more_than_luck(worse, better, rows.fold_of_block, ALONE_Z)

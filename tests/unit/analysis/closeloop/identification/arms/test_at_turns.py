@@ -115,6 +115,8 @@ def test_what_it_is_fitted_beside_predicts_the_turns_themselves(arm: Recording) 
     [
         ((WAY,), 0.0, 0.0, "bristles bend, and that is all"),
         ((0.25 * WAY, 4.0 * WAY), 0.0, 0.0, "some bend further than others"),
+        ((WAY,), 0.001, 0.0, "what comes late by less than a sample is no bristle's form"),
+        ((2.0 * WAY,), 0.005, 0.0, "what comes late winds up, and what slides has no excess"),
         ((WAY,), 0.01, 0.0, "what comes late is larger after a turn, not before it"),
         ((WAY,), 0.0, 0.1, "what smoothing takes of an acceleration is less before a turn"),
     ],
