@@ -17,6 +17,7 @@ import numpy as np
 from analysis.closeloop.identification.balance.luck import (
     LARGE_GAIN,
     MIN_GAIN,
+    least_gain,
     more_than_luck,
     predicts_as_well,
 )
@@ -119,15 +120,18 @@ def _hidden(taken: Option, grown: Grown, others: list[Score], rows: Rows) -> boo
     folds, joint = rows.fold_of_block, taken.candidate.joint
     # What a richer law winds up has more freedom, too: both get it.
     _, model, _ = _turned([taken.model], joint, rows)
-    alike = grown.model
-    for term in model.terms[len(taken.model.terms) :]:
+    winding, alike = model.terms[len(taken.model.terms) :], grown.model
+    for term in winding:
         alike = with_independent(alike, term, rows)
     beside = min([*others, evaluate(alike, rows)], key=lambda score: score.loss)
+    gain = beside.loss - taken.score.loss
+    # Of a law as it turns, an error of another joint and slow noise leave some, too.
+    least = 0.0 if winding else least_gain(rows, joint, beside.losses, taken.score.losses)
     # A form of winding up that is a little wrong leaves something that another law takes. (A
     # quarter, as of peaks, since one of an opponent's arms had a fifth.)
     return (
         _adds(model, taken.score, joint, rows) > MIN_GAIN
-        and beside.loss - taken.score.loss > LARGE_GAIN * beside.loss
+        and gain > max(LARGE_GAIN * beside.loss, least)
         # The best of all laws.
         and more_than_luck(beside.losses, taken.score.losses, folds)
     )
