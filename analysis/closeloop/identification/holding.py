@@ -34,6 +34,7 @@ from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from sim.effects.laws.inertia import LEAST_LOAD
 
+DAMPING = "viscous_friction"
 #: Least upper edge of an octave, Hz.
 LOWEST = 0.5
 #: How far an effect's size elsewhere may be from that of the whole fit, over it: of what is late,
@@ -45,7 +46,9 @@ OFF_LATE, OFF, ERRORS = 0.25, 0.5, 3.0
 LEAST = 1e-9
 
 
-def held_in_octaves(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
+def held_in_octaves(
+    grown: Grown, rows: Rows, *, damped: bool = False
+) -> tuple[Grown, tuple[str, ...]]:
     """Take out what filters the motion and has another size elsewhere, the last found first.
 
     Of other effects, what else is missing yet may differ from octave to octave.
@@ -53,14 +56,21 @@ def held_in_octaves(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     Args:
         grown: the model with its effects.
         rows: the samples that were fitted.
+        damped: whether damping beside friction is expected, as of a robot's joint, and stays: what
+            friction leaves where it turns lies in other octaves than what only damping explains.
 
     Returns:
         The model with the effects that stay, and a sentence for each that went.
     """
+
+    def fails(grown: Grown) -> Step | None:
+        asked = (s for s in reversed(grown.steps) if not (damped and _rubs_besides(grown, s)))
+        return next((step for step in asked if _differs(grown, step, rows)), None)
+
     return _without(
         grown,
         rows,
-        lambda grown: next((s for s in reversed(grown.steps) if _differs(grown, s, rows)), None),
+        fails,
         "it would have another size at one frequency than at the others, as the controller's "
         "answer to an unknown torque has",
     )
@@ -142,6 +152,13 @@ def _with_simpler(grown: Grown, gone: Candidate, rows: Rows) -> Grown:
             step = Step(taken=taken, equals=(), options=(), before=float(worse.sum()))
             return Grown(model, score, (*grown.steps, step))
     return grown
+
+
+def _rubs_besides(grown: Grown, step: Step) -> bool:
+    """Whether a step is damping, and its joint has friction too."""
+    candidate = step.taken.candidate
+    rubbing = [term.joint for term in grown.model.terms if term.rubs]
+    return candidate.effect.name == DAMPING and candidate.joint in rubbing
 
 
 def _differs(grown: Grown, step: Step, rows: Rows) -> bool:

@@ -104,7 +104,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
     grown, rows, turned = with_peak_at_turns(grown, rows, every)
     before = evaluate(declared, rows)
     grown, held = with_breakaway(grown, rows)
-    grown, refusals = held_in_octaves(grown, rows)
+    grown, refusals = held_in_octaves(grown, rows, damped=True)
     grown, unsure = determined(grown, rows)
     grown, notes = not_worse(grown, declared, rows)
     progress("what splines can explain")

@@ -122,6 +122,40 @@ def rubs(recording: Recording) -> tuple[Recording, Columns]:
     return replace(recording, effort=effort, cache={}), columns
 
 
+@pytest.mark.parametrize("damped", [True, False])
+def test_damping_beside_friction_stays_where_every_joint_has_some(
+    damped: bool, recording: Recording
+) -> None:
+    trembling, columns = rubs(moving(recording, (0.0, 0.0), (SLOW, (0.03, 5.0))))
+    amplitude, hertz = SLOW
+    pulse = 2 * np.pi * hertz
+    effort = np.array(trembling.effort)
+    # The slow motion alone feels it.
+    slow = amplitude * pulse * np.cos(pulse * trembling.time)
+    effort[:, ELBOW] += trembling.filtered(0.5 * slow[:, None])[:, 0]
+    trembling = replace(trembling, effort=effort, cache={})
+    rows = select_rows(trembling, (0,))
+    friction, viscous = (
+        Candidate(effect=BY_NAME[name], joint=ELBOW)
+        for name in ("coulomb_friction", "viscous_friction")
+    )
+    terms = tuple(
+        Term(effect=one.effect, joint=ELBOW, columns=own, kept=(0,), candidate=one)
+        for one, own in (
+            (friction, columns),
+            (viscous, viscous.effect.columns(unfitted(trembling, ELBOW), {})),
+        )
+    )
+    model = Model(trembling, terms=terms)
+    score = evaluate(model, rows)
+    steps = tuple(added(one, model, score) for one in (friction, viscous))
+    found, notes = held_in_octaves(Grown(model, score, steps), rows, damped=damped)
+    assert [step.key[0] for step in found.steps] == ["coulomb_friction", "viscous_friction"][
+        : 1 + damped
+    ]
+    assert len(notes) == (not damped)
+
+
 def added(candidate: Candidate, model: Model, score: Score) -> Step:
     option = Option(candidate=candidate, model=model, score=score, gain=1.0, z=9.0)
     return Step(taken=option, equals=(), options=(), before=2.0)
