@@ -8,6 +8,7 @@ A peak at low speed (Stribeck) and damping hide each other: in slow motion the o
 other rises, and left-out rows miss neither alone.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from analysis.closeloop.identification.balance.luck import (
@@ -22,35 +23,89 @@ from analysis.closeloop.identification.balance.model import (
     Model,
     evaluate,
     one_joint,
+    unfitted,
 )
-from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.candidates import tried_alone
+from analysis.closeloop.identification.growing.friction_laws import with_law
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Theta
 
 #: Coulomb friction last: beside damping it turns at once, and without over all speeds.
 PLAIN = (BY_NAME["viscous_friction"], BY_NAME["coulomb_friction"])
 #: Damping, and a peak at low speed that has Coulomb friction in it.
 PEAKED = (BY_NAME["viscous_friction"], BY_NAME["stribeck_friction"])
+ASYMMETRIC, OFFSET = BY_NAME["asymmetric_friction"], BY_NAME["torque_offset"]
 
 
 def with_plain_friction(model: Model, rows: Rows) -> Model:
-    """Return the model with plain friction at every joint that shows no richer one."""
+    """Return the model with the plainest friction at every joint that shows no richer one."""
     for candidate in [c for c in model.effects if PLAIN[-1].name in c.effect.includes]:
-        simpler = _with(model.without(candidate), rows, candidate.joint, PLAIN)
-        if not _richer(simpler, model, candidate.joint, rows):
-            model = simpler
+        for simpler in _plainer(model, candidate, rows):
+            if not _richer(simpler, model, candidate.joint, rows):
+                model = simpler
+                break
+        else:
+            model = _without_offset(model, candidate, rows)
     return model
 
 
+def _plainer(model: Model, candidate: Candidate, rows: Rows) -> Iterator[Model]:
+    """Yield the model with plainer laws in the place of a richer one, the plainest first.
+
+    Laws that it includes turn, and fall with the speed, as it does: a share of the load that is
+    nothing leaves them.
+    """
+    bare, joint = model.without(candidate), candidate.joint
+    yield _with(bare, rows, joint, PLAIN)
+    included = [BY_NAME[name] for name in candidate.effect.includes]
+    for effect in sorted(included, key=lambda law: law.complexity):
+        if effect not in PLAIN:
+            damped = _with(bare, rows, joint, PLAIN[:1])
+            yield _alike(
+                damped, Candidate(effect=effect, joint=joint), _theta(model, candidate), rows
+            )
+
+
+def _without_offset(model: Model, candidate: Candidate, rows: Rows) -> Model:
+    """Return the model with the levels of a law that differ in the place of an offset.
+
+    Another level in each direction is an offset while the joint slides: one of the two is enough.
+    """
+    offset = Candidate(effect=OFFSET, joint=candidate.joint)
+    if candidate.effect is not ASYMMETRIC or offset not in model.effects:
+        return model
+    bare = model.without(candidate).without(offset)
+    alone = _alike(bare, candidate, _theta(model, candidate), rows)
+    lost, error = compare(evaluate(alone, rows).losses, evaluate(model, rows).losses)
+    return model if lost > error else alone
+
+
+def _theta(model: Model, candidate: Candidate) -> Theta:
+    (theta,) = [term.theta for term in model.terms if term.candidate == candidate]
+    return theta
+
+
+def _alike(model: Model, candidate: Candidate, theta: Theta, rows: Rows) -> Model:
+    """Return the model with a law that has what it shares with another of that one's parameters."""
+    own = {parameter.name: theta[parameter.name] for parameter in candidate.effect.nonlinear}
+    joint = unfitted(model.recording, candidate.joint)
+    return with_law(model, candidate, own, rows, joint) or model
+
+
 def _richer(simpler: Model, model: Model, joint: int, rows: Rows) -> bool:
-    """Whether a joint's richer friction predicts better by more than luck, its turns aside."""
-    own, losses = rows.of_joint(joint), []
-    for each in (simpler, model):
-        alone = one_joint(each, evaluate(each, rows).coefficients, joint)
-        losses.append(with_winding(alone, evaluate(alone, own), own)[1].losses)
-    return more_than_luck(losses[0], losses[1], own.fold_of_block, ALONE_Z)
+    """Whether a joint's richer friction predicts better by more than luck, its turns aside.
+
+    And no worse as it turns, since freedom to wind up fits noise.
+    """
+    own = rows.of_joint(joint)
+    alone = [one_joint(m, evaluate(m, rows).coefficients, joint) for m in (simpler, model)]
+    turning = [evaluate(m, own) for m in alone]
+    if turning[1].loss >= turning[0].loss:
+        return False
+    worse, better = (with_winding(*fit, own)[1] for fit in zip(alone, turning, strict=True))
+    return more_than_luck(worse.losses, better.losses, own.fold_of_block, ALONE_Z)
 
 
 def with_peaked_friction(model: Model, rows: Rows) -> Model:

@@ -9,7 +9,7 @@ from analysis.closeloop.identification.arms.plain_friction import (
     with_plain_friction,
 )
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
-from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.candidates import tried_alone
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.coupled import measured, moving
@@ -40,6 +40,44 @@ def test_two_equal_levels_are_coulomb_and_viscous_friction(
     assert found is not None
     plain = with_plain_friction(found[0], rows)
     assert {(c.effect.name, c.joint) for c in plain.effects} == {(name, JOINT) for name in kept}
+
+
+def with_each(model: Model, rows: Rows, *names: str) -> Model:
+    """The model with effects at the joint, found one after the other."""
+    for name in names:
+        found = tried_alone(model, rows, Candidate(effect=BY_NAME[name], joint=JOINT))
+        assert found is not None
+        model = found[0]
+    return model
+
+
+def test_levels_that_differ_are_no_offset_besides() -> None:
+    robot = moving()
+    velocity = robot.velocity[:, JOINT]
+    effort = np.array(robot.inverse)
+    level = np.where(velocity > 0, 0.5, -0.3)
+    effort[:, JOINT] += level * np.tanh(np.abs(velocity) / 0.01)
+    effort[:, JOINT] += np.where(velocity > 0, 0.35, 0.15) * velocity
+    loud = measured(robot, effort)
+    rows = select_rows(loud, (0,))
+    both = with_each(Model(loud), rows, "torque_offset", "asymmetric_friction")
+    alone = with_plain_friction(both, rows)
+    assert [c.effect.name for c in alone.effects] == ["asymmetric_friction"]
+    # Mean and half difference of the levels.
+    coefficients = evaluate(alone, rows).coefficients
+    assert coefficients[:2] == pytest.approx([0.4, 0.1], abs=0.02)
+
+
+def test_friction_that_is_larger_when_slow_and_knows_no_load_goes_by_the_speed_alone() -> None:
+    robot = moving()
+    velocity = robot.velocity
+    peaked = 0.3 + 0.4 * np.exp(-((velocity / 0.8) ** 2))
+    effort = robot.inverse + peaked * np.tanh(velocity / 0.02) + 0.25 * velocity
+    loud = measured(robot, effort, noise=0.02)
+    rows = select_rows(loud, (0,))
+    loaded = with_each(Model(loud), rows, "viscous_friction", "stribeck_load_friction")
+    plainer = with_plain_friction(loaded, rows)
+    assert {c.effect.name for c in plainer.effects} == {"viscous_friction", "stribeck_friction"}
 
 
 def test_a_peak_at_low_speed_and_damping_that_hide_each_other_are_asked_together() -> None:
