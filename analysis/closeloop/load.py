@@ -11,7 +11,7 @@ from analysis.closeloop.session.plausibility import (
     check_torque,
     checked_trial,
 )
-from analysis.closeloop.session.reading import read_session
+from analysis.closeloop.session.reading import read_session, unread_sensors
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.stretches import record
 from analysis.closeloop.session.trial_csv import read_trial
@@ -37,6 +37,7 @@ def load_session(folder: Path) -> Recording:
     check_copies(trials)
     recording = record(replace(session, trials=tuple(trials)), device)
     check_signs(recording)
+    session = unread_sensors(session, {name for trial in trials for name in trial.columns})
     check_turned(recording)
     check_units(recording)
     check_declared(recording)

@@ -136,7 +136,15 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "a session that is a link": (linked("session.json", "../outside/secret.json"), "leaves the"),
     "a bag for a trial": (bag, "is no CSV file: `rehyb inspect a.mcap --out DIR` writes one"),
     "a link to itself": (linked("a.csv", "a.csv"), "cannot be the name of a file|no such file"),
-    "trials as an object": (words(trials={"file": "a.csv"}), "trials must list"),
+    "trials as an object": (
+        words(trials={"file": "a.csv"}),
+        r"trials must be a list of trials, such as \[\{",
+    ),
+    "no trials": (words(trials=[]), "trials must list at least one trial"),
+    "holdouts alone": (
+        words(trials=[{"file": "a.csv", "role": "holdout"}]),
+        "trials must hold one that is fitted; every trial is a holdout",
+    ),
     "a trial as text": (words(trials=["a.csv"]), r"trials\[0\] must be an object"),
     "too many trials": (words(trials=[{"file": "a.csv"}] * 201), "at most 200"),
     "one file by two names": (copied("", "./a.csv"), "listed twice"),
