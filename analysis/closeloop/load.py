@@ -8,6 +8,7 @@ from analysis.closeloop.misdeclared import check_declared
 from analysis.closeloop.session.mjcf import load_device
 from analysis.closeloop.session.plausibility import (
     check_copies,
+    check_frozen,
     check_torque,
     checked_trial,
 )
@@ -32,12 +33,13 @@ def load_session(folder: Path) -> Recording:
     trials = []
     for listed in session.trials:
         trial = read_trial(folder, listed, device.recorded_joints, declared)
+        check_frozen(trial, device)
         check_exchanged(trial, device, session.limb_joints)
         trials.append(checked_trial(trial, device, session.limb_joints))
     check_copies(trials)
+    session = unread_sensors(session, {name for trial in trials for name in trial.columns})
     recording = record(replace(session, trials=tuple(trials)), device)
     check_signs(recording)
-    session = unread_sensors(session, {name for trial in trials for name in trial.columns})
     check_turned(recording)
     check_units(recording)
     check_declared(recording)
