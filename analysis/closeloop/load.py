@@ -5,6 +5,7 @@ from pathlib import Path
 
 from analysis.closeloop.exchanged import check_exchanged
 from analysis.closeloop.misdeclared import check_declared
+from analysis.closeloop.odd_trials import check_odd_trials
 from analysis.closeloop.session.mjcf import load_device
 from analysis.closeloop.session.plausibility import (
     check_copies,
@@ -41,6 +42,7 @@ def load_session(folder: Path) -> Recording:
     recording = record(replace(session, trials=tuple(trials)), device)
     check_signs(recording)
     check_turned(recording)
+    check_odd_trials(recording)
     check_units(recording)
     check_declared(recording)
     for trial in trials:
