@@ -278,9 +278,7 @@ def _where(recording: Recording, error: TrialError, usual: float) -> dict[str, A
     }
 
 
-def _band(
-    recording: Recording, errors: list[TrialError], beyond: list[Peak]
-) -> list[float] | None:
+def _band(recording: Recording, errors: list[TrialError], beyond: list[Peak]) -> list[float] | None:
     """Return where 80 % of the residual's power above the white floor lies, Hz; None if nowhere.
 
     Of a joint that is held but for an instant a few samples are left, and they may show no band.

@@ -213,9 +213,7 @@ def _trials(fields: Fields, folder: Path, filter_hz: float | None) -> tuple[Tria
         trials.append(_trial(own, file, span, folder, session_map, filter_hz))
     _one_body_each(fields, trials)
     if all(trial.role == "holdout" for trial in trials):
-        raise fields.wrong(
-            "trials", "must hold one that is fitted; every trial is a holdout"
-        )
+        raise fields.wrong("trials", "must hold one that is fitted; every trial is a holdout")
     return tuple(trials)
 
 
