@@ -157,10 +157,11 @@ def _exchanged_positions(
         most: what may be left, of all joints together.
     """
     own = {joint.number: joint.left(joint.effort) for joint in joints}
+    far = [joint for joint in joints if np.ptp(joint.position) > TRAVEL]
     found = None
-    for one, other in combinations(joints, 2):
-        if max(own.values()) < LITTLE:
-            break
+    for one, other in combinations(far, 2):
+        if max(own[one.number], own[other.number]) <= LITTLE:
+            continue
         mended = _moved(with_motions_exchanged(recording, (one.number, other.number)))
         left = {joint.number: joint.left(joint.effort) for joint in mended}
         if _better(own, left) and sum(left.values()) < most:
