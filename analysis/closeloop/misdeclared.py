@@ -2,12 +2,12 @@
 
 Effects are looked for beside what is declared, so a sign that is wrong there ends in a wrong name.
 The mistakes that are made most each have one remedy, which is tried: an effort is turned round, two
-are exchanged, gravity acts another way or not at all. One is right if it leaves less than half of
-what the declaration leaves, beside friction, inertia and an offset of every joint, and whatever the
-links' masses.
+or two joints' positions are exchanged, gravity acts another way or not at all. One is right if it
+leaves less than half of what the declaration leaves, beside friction, inertia and an offset of
+every joint, and whatever the links' masses; of several the one that leaves least is told.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.remedies import with_motions_exchanged
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import TRAVEL
 from analysis.closeloop.session.signals import rms
@@ -76,21 +77,24 @@ class Joint:
 
 
 def check_declared(recording: Recording) -> None:
-    """Refuse a robot's session with an effort that is turned round, or with two exchanged.
+    """Refuse a robot's session with an effort turned round, or with efforts or positions exchanged.
 
     Of limbs nothing is asked: their stiffness takes in what gravity does (`signs` has theirs).
 
     Raises:
-        SessionError: names the joint's effort column in the first trial.
+        SessionError: names the joint's column in the first trial.
     """
     joints = _joints(recording)
     wrong, left = _wrong_columns(joints)
+    exchanged = _exchanged_positions(recording, joints, LEAVES * left)
+    if exchanged is not None:
+        wrong, left = [exchanged[0]], exchanged[1]
     gravity = _other_gravity(recording, joints)
     if not wrong or (gravity is not None and gravity[1] < left):
         return
-    name, why = wrong[0]
+    column, why = wrong[0]
     first = recording.session.trials[recording.fit_trials[0]].file
-    raise SessionError(why, file=first, column=f"{name}.effort", line=2)
+    raise SessionError(why, file=first, column=column, line=2)
 
 
 def doubtful_gravity(recording: Recording) -> list[str]:
@@ -142,8 +146,54 @@ def _moved(recording: Recording) -> Iterator[Joint]:
         )
 
 
+def _exchanged_positions(
+    recording: Recording, joints: list[Joint], most: float
+) -> tuple[tuple[str, str], float] | None:
+    """Return a position that is another's, with why, and what then is left; None if none is.
+
+    Args:
+        recording: all trials.
+        joints: what they show.
+        most: what may be left, of all joints together.
+    """
+    own = {joint.number: joint.left(joint.effort) for joint in joints}
+    far = [joint for joint in joints if np.ptp(joint.position) > TRAVEL]
+    found = None
+    for one, other in combinations(far, 2):
+        if max(own[one.number], own[other.number]) <= LITTLE:
+            continue
+        mended = _moved(with_motions_exchanged(recording, (one.number, other.number)))
+        left = {joint.number: joint.left(joint.effort) for joint in mended}
+        if _better(own, left) and sum(left.values()) < most:
+            most = sum(left.values())
+            why = (
+                f"looks exchanged with that of {other.name}: the declared models leave at most "
+                f"{max(left.values()):.0%} of an effort's variance the other way round, as "
+                f"recorded up to {max(own.values()):.0%}; exchange their columns of position"
+            )
+            found = (f"{one.name}.position", why), most
+    return found
+
+
+def _better(own: Mapping[int, float], other: Mapping[int, float]) -> bool:
+    """Whether every joint's torque explains its effort better another way, or well either way.
+
+    A joint beyond two parallel ones feels their sum, whichever is which.
+
+    Args:
+        own: share that is left of each joint's effort as recorded.
+        other: the same the other way.
+    """
+    return own.keys() == other.keys() and all(
+        other[j] < (LEAVES * left if left > LITTLE else LITTLE) for j, left in own.items()
+    )
+
+
 def _wrong_columns(joints: list[Joint]) -> tuple[list[tuple[str, str]], float]:
-    """Return joints whose effort is another's or turned round, with why, and what then is left."""
+    """Return efforts that are another's or turned round, with why, and what then is left.
+
+    What is exchanged comes first: it leaves less than half of what is left of one turned round.
+    """
     own = {joint.number: joint.left(joint.effort) for joint in joints}
     doubtful = [
         joint for joint in joints if own[joint.number] > LITTLE and np.ptp(joint.position) > TRAVEL
@@ -161,7 +211,7 @@ def _wrong_columns(joints: list[Joint]) -> tuple[list[tuple[str, str]], float]:
                 f"{own[joint.number]:.0%}; effort is positive along the joint's axis, as position "
                 "is"
             )
-            found.append((joint.name, why))
+            found.append((f"{joint.name}.effort", why))
     for one, other in combinations(doubtful, 2):
         if len(one.effort) != len(other.effort):
             continue
@@ -174,7 +224,7 @@ def _wrong_columns(joints: list[Joint]) -> tuple[list[tuple[str, str]], float]:
                 f"recorded {own[other.number]:.0%} and {own[one.number]:.0%}; exchange their "
                 "columns, of position or of effort"
             )
-            found.append((one.name, why))
+            found.insert(0, (f"{one.name}.effort", why))
     return found, sum(left.values())
 
 

@@ -1,10 +1,11 @@
 """Whether angle and effort are counted the same way round: in a session, and in each trial."""
 
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.remedies import scaled
 from analysis.closeloop.session.plausibility import LEAST_MOTION, in_motion, unknown_columns
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import AWAY, MOVING, TRAVEL
@@ -90,27 +91,24 @@ def check_turned(recording: Recording) -> None:
         SessionError: names the trial's file and the joint's column.
     """
     for joint in recording.joints:
-        table = _table(recording, joint)
-        suspects = [
-            (rows, coefficients)
-            for rows, coefficients in _predicted(recording, joint, table)
-            if _left(table[rows], coefficients) > 1.0
-        ]
+        table = effort_table(recording, joint)
+        suspects = [one for one in predictions(recording, joint) if one.left(table) > 1.0]
         if not suspects:
             continue
         name = recording.name(joint)
         other = table * [*[1.0] * (table.shape[1] - 1), -1.0]
         for turned, column in (
-            (_table(_mirrored(recording, joint), joint), "position"),
+            (effort_table(_mirrored(recording, joint), joint), "position"),
             (other, "effort"),
         ):
+            # The others' say of what was recorded, of either column.
             found = [
-                rows
-                for rows, coefficients in suspects
-                if _left(turned[rows], coefficients) < TURNED_LEAVES
+                one
+                for one in suspects
+                if left_of(turned[one.rows], one.coefficients(table)) < TURNED_LEAVES
             ]
             if found:
-                trial = recording.session.trials[int(recording.trial[found[-1]][0])]
+                trial = recording.session.trials[found[-1].trial]
                 also = " and velocity" if column == "position" else ""
                 why = (
                     f"has in {trial.label} the other sign than in the other trials: turned round, "
@@ -120,16 +118,34 @@ def check_turned(recording: Recording) -> None:
                 raise SessionError(why, file=trial.file, column=f"{name}.{column}", line=2)
 
 
-def _table(recording: Recording, joint: int) -> np.ndarray:
+@dataclass(frozen=True)
+class Prediction:
+    """One joint's motion in one trial, and the other trials that predict its effort."""
+
+    #: Its number in the session.
+    trial: int
+    #: Its samples, and those of the others of the fit, (n,).
+    rows: np.ndarray
+    others: np.ndarray
+
+    def coefficients(self, table: np.ndarray) -> np.ndarray:
+        """Return what the others say of a joint's `effort_table`, (5,)."""
+        own = table[self.others]
+        return np.asarray(np.linalg.lstsq(own[:, :-1], own[:, -1], rcond=1e-9)[0])
+
+    def left(self, table: np.ndarray) -> float:
+        """Return the share of the trial's effort that the others leave."""
+        return left_of(table[self.rows], self.coefficients(table))
+
+
+def effort_table(recording: Recording, joint: int) -> np.ndarray:
     """Return what a joint's effort is made of, and the effort itself, (n, 6)."""
     columns = np.column_stack([recording.inverse[:, joint], unknown_columns(recording, joint)])
     return np.column_stack([recording.filtered(columns), recording.effort[:, joint]])
 
 
-def _predicted(
-    recording: Recording, joint: int, table: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return each moving trial's rows, (n,), and what other trials of the fit say of it."""
+def predictions(recording: Recording, joint: int) -> list[Prediction]:
+    """Return every trial in which a joint moves, with the trials of the fit beside it."""
     known = recording.usable & np.isfinite(recording.effort[:, joint])
     least, found = LEAST_MOTION * recording.rate, []
     for number in range(len(recording.session.trials)):
@@ -138,13 +154,12 @@ def _predicted(
         if min(rows.sum(), others.sum()) < least:
             continue
         if np.ptp(recording.position[rows, joint]) > MOVING:
-            own = table[others]
-            found.append((rows, np.linalg.lstsq(own[:, :-1], own[:, -1], rcond=1e-9)[0]))
+            found.append(Prediction(number, rows, others))
     return found
 
 
-def _left(table: np.ndarray, coefficients: np.ndarray) -> float:
-    """Return what a prediction leaves of an effort's variance."""
+def left_of(table: np.ndarray, coefficients: np.ndarray) -> float:
+    """Return the share of an effort's variance that a prediction leaves."""
     effort = table[:, -1]
     spread = float(((effort - effort.mean()) ** 2).sum())
     rest = effort - table[:, :-1] @ coefficients
@@ -155,10 +170,4 @@ def _mirrored(recording: Recording, joint: int) -> Recording:
     """Return the recording with one joint's motion counted the other way round."""
     sign = np.ones(recording.position.shape[1])
     sign[joint] = -1.0
-    return replace(
-        recording,
-        position=recording.position * sign,
-        velocity=recording.velocity * sign,
-        acceleration=recording.acceleration * sign,
-        cache={},
-    )
+    return scaled(recording, sign)

@@ -1,10 +1,9 @@
 """Whether effort and positions are in the units that the declared model needs."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.remedies import scaled
 from analysis.closeloop.session.plausibility import LEAST_MOTION, in_motion, unknown_columns
 from analysis.closeloop.session.recording import Recording
 from sim.effects.laws.drive import GAINS, HEAVIEST
@@ -54,7 +53,7 @@ def check_units(recording: Recording) -> None:
         question = _question(constant, hinge=hinge) if constant is not None else ""
         if constant is None and (constant := _weightless(effort, links)) is not None:
             where = "inertia, where gravity has no torque"
-            certain = constant < 1.0 or (limb and constant > HEAVIEST and _units_near(constant))
+            certain = constant < 1.0 or (limb and constant > HEAVIEST and units_near(constant))
             question = _question(constant, hinge=hinge) if certain else ""
         if question:
             why = (
@@ -100,13 +99,13 @@ def _question(constant: float, *, hinge: bool) -> str:
         return "are the model's masses in g, or its lengths in mm? They are in kg and m, and"
     if constant < 1.0:
         return f"is it a current, or the torque before a gear of 1:{1.0 / constant:.3g}?"
-    near = _units_near(constant)
+    near = units_near(constant)
     if hinge and near:
         return f"is its unit {min(near, key=lambda unit: abs(constant - UNITS[unit]))}?"
     return "what is its unit?" if constant > HEAVIEST else ""
 
 
-def _units_near(constant: float) -> list[str]:
+def units_near(constant: float) -> list[str]:
     """Return the units of torque of which a newton metre is about so many."""
     return [unit for unit, value in UNITS.items() if abs(constant / value - 1.0) < NEAR_UNIT]
 
@@ -115,14 +114,7 @@ def _in_turns(recording: Recording, joint: int) -> bool:
     """Whether gravity and inertia are as declared if a joint's positions, or all, are turns."""
     every = np.array([recording.is_hinge(other) for other in range(recording.position.shape[1])])
     for turned in (np.arange(len(every)) == joint, every):
-        scale = np.where(turned, 2.0 * np.pi, 1.0)
-        other = replace(
-            recording,
-            position=recording.position * scale,
-            velocity=recording.velocity * scale,
-            acceleration=recording.acceleration * scale,
-            cache={},
-        )
+        other = scaled(recording, np.where(turned, 2.0 * np.pi, 1.0))
         constant = _constant(*_beside_unknowns(other, joint))
         if constant is not None and abs(constant - 1.0) < NEAR_UNIT:
             return True

@@ -278,15 +278,20 @@ def _where(recording: Recording, error: TrialError, usual: float) -> dict[str, A
     }
 
 
-def _band(recording: Recording, errors: list[TrialError], beyond: list[Peak]) -> list[float]:
-    """Return where 80 % of the residual's power above the white floor lies, Hz."""
+def _band(recording: Recording, errors: list[TrialError], beyond: list[Peak]) -> list[float] | None:
+    """Return where 80 % of the residual's power above the white floor lies, Hz; None if nowhere.
+
+    Of a joint that is held but for an instant a few samples are left, and they may show no band.
+    """
     if beyond:
         return [min(peak.low_hz for peak in beyond), max(peak.high_hz for peak in beyond)]
     rate = recording.sampling.recorded
     worst = max(errors, key=_mean_square)
     frequency, power = welch(worst.residual, rate, nperseg=min(len(worst.time), int(4 * rate)))
     above = np.maximum(power - np.median(power[len(power) // 2 :]), 0.0)
-    total = np.cumsum(above) / max(float(above.sum()), 1e-300)
+    if not above.any():
+        return None
+    total = np.cumsum(above) / float(above.sum())
     low, high = np.searchsorted(total, [0.1, 0.9])
     return [float(frequency[low]), float(frequency[min(high, len(frequency) - 1)])]
 

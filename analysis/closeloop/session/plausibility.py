@@ -12,7 +12,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import MAX_HINGE, Device
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.runs import MOVING, saturated_line
+from analysis.closeloop.session.runs import MOVING, TRAVEL, saturated_line
 from analysis.closeloop.session.stretches import GAP_STEPS
 
 #: A hinge that may turn for ever is recorded in degrees if it turns faster than that, rad/s: no
@@ -21,6 +21,9 @@ MAX_SPEED = 60.0
 #: Least share of samples that do.
 MAX_SPEED_SHARE = 0.01
 DEGREES = 180.0 / np.pi
+#: Share of samples that are another value in a signal that is constant otherwise: a file may lack
+#: as many (`trial_csv.MOST_LEFT_OUT`).
+ODD_SHARE = 0.01
 #: A velocity that is so many times the slope of its position, or that part of it, has another unit
 #: or another clock: no filter of a robot does that to the whole of a motion.
 OFF = 1.5
@@ -66,6 +69,37 @@ def check_copies(trials: Sequence[Trial]) -> None:
                 raise SessionError(why, file=trial.file)
 
 
+def check_frozen(trial: Trial, device: Device) -> None:
+    """Refuse a position that is one value but for a jump: no joint goes there between two samples.
+
+    One that is constant throughout may be a held joint's. Asked before columns are compared: of
+    what does not change every comparison says what it likes.
+
+    Raises:
+        SessionError: names file, column and the line of the jump.
+    """
+    for joint in device.recorded_joints:
+        position = trial.columns[f"{joint}.position"]
+        value, at = most_common(position)
+        steps = np.abs(np.diff(position))
+        # An encoder's last digits are no jump.
+        jumps = 2.0 * steps.max(initial=0.0) > np.ptp(position) >= TRAVEL
+        if jumps and np.mean(at) >= 1.0 - ODD_SHARE:
+            why = (
+                f"is constant at {value:g} in {int(at.sum())} of {len(at)} samples, and jumps to "
+                "the others within one: look at the encoder; a joint that is held has no jump"
+            )
+            line = int(np.argmax(steps)) + 3
+            raise SessionError(why, file=trial.file, column=f"{joint}.position", line=line)
+
+
+def most_common(signal: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the value that most samples of a signal have, and which do, (n,)."""
+    values, counts = np.unique(signal, return_counts=True)
+    value = float(values[np.argmax(counts)])
+    return value, signal == value
+
+
 def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) -> Trial:
     """Refuse a trial whose signals cannot be what their columns say.
 
@@ -88,6 +122,7 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
         position = trial.columns[f"{joint}.position"]
         if device.is_hinge(joint):
             _check_wraps(trial, joint, position)
+            _check_jumps(trial, joint, position)
             _check_degrees(trial, device, joint, position, joint in limb_joints)
         if note := _beyond_range(trial, device, joint, position):
             trial = replace(trial, repairs=(*trial.repairs, note))
@@ -113,10 +148,13 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
         if effort is None:
             continue
         column = f"{joint}.effort"
-        if np.ptp(effort) <= 1e-12 * (1.0 + np.abs(effort).max()):
-            why = f"is constant at {effort[0]:g} while {joint} moves; record the motor's torque"
-            raise SessionError(why, file=trial.file, column=column, line=2)
-        line = saturated_line(effort, trial.columns[f"{joint}.position"])
+        position = trial.columns[f"{joint}.position"]
+        value, at = most_common(effort)
+        mostly = np.mean(at) >= 1.0 - ODD_SHARE and np.ptp(position[at]) > MOVING
+        if mostly or np.ptp(effort) <= 1e-12 * (1.0 + np.abs(effort).max()):
+            why = f"is constant at {value:g} while {joint} moves; record the motor's torque"
+            raise SessionError(why, file=trial.file, column=column, line=int(np.argmax(at)) + 2)
+        line = saturated_line(effort, position)
         if line is not None:
             why = (
                 f"is saturated: it stays at {effort[line - 2]:g} while {joint} moves; "
@@ -173,6 +211,26 @@ def _check_wraps(trial: Trial, joint: str, position: np.ndarray) -> None:
             f"jumps from {position[row - 1]:.4g} to {position[row]:.4g} rad, by about 2 pi, from "
             "one sample to the next: the encoder wraps; let the angle go on beyond it without the "
             "jump, as numpy.unwrap does"
+        )
+        raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
+
+
+def _check_jumps(trial: Trial, joint: str, position: np.ndarray) -> None:
+    """Refuse a few samples to which no joint gets from the one before: damaged cells.
+
+    More of them are a unit (`_check_degrees`), and so is a speed that goes up and down by degrees.
+    """
+    clock = np.diff(trial.time)
+    # Stamps jitter, and samples that follow each other at once say nothing of a speed.
+    speed = np.diff(position) / np.maximum(clock, float(np.median(clock)))
+    change = np.abs(np.diff(speed, prepend=0.0, append=0.0))
+    jumps = (np.abs(speed) > MAX_SPEED) & (np.minimum(change[:-1], change[1:]) > MAX_SPEED)
+    if jumps.any() and np.mean(jumps) <= MAX_SPEED_SHARE:
+        row = int(np.argmax(jumps)) + 1
+        why = (
+            f"jumps from {position[row - 1]:.4g} to {position[row]:.4g} rad from one sample to the "
+            f"next, at {abs(speed[row - 1]):.3g} rad/s, which no robot's joint does; remove the "
+            "damaged rows (a gap is allowed)"
         )
         raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
 

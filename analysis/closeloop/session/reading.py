@@ -1,6 +1,7 @@
 """A session's `session.json`: what each field may hold."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -129,12 +130,19 @@ def _unread(content: Any, known: Mapping[str, Any] | None, where: str = "") -> I
                 yield place
 
 
+def unread_sensors(session: Session, recorded: Collection[str]) -> Session:
+    """Return the session, with what it says of channels that no trial records as not read."""
+    none = tuple(f"sensors.{name}" for name in session.noise if name not in recorded)
+    return replace(session, unknown=(*session.unknown, *none))
+
+
 def said_of_unread(unknown: Sequence[str]) -> list[str]:
     """Say which keys mean nothing, and for which others they may stand."""
     if not unknown:
         return []
     known = {*_KEYS, *_KEYS["trials"], *_KEYS["declared_effects"], *_KEYS["subject"]}
-    near = dict.fromkeys(one for key in unknown for one in like(key.rpartition(".")[2], known))
+    keys = [key.rpartition(".")[2] for key in unknown if not key.endswith(".effort")]
+    near = dict.fromkeys(one for key in keys for one in like(key, known))
     said = "means nothing and was" if len(unknown) == 1 else "mean nothing and were"
     asked = f": is {' or '.join(near)} meant?" if near else ""
     return [f"{SESSION_FILE}: {', '.join(unknown)} {said} not read{asked}"]
@@ -178,7 +186,10 @@ def _trials(fields: Fields, folder: Path, filter_hz: float | None) -> tuple[Tria
     session_map = read_map(fields, "columns", folder)
     fields.there("trials")
     entries = fields.get("trials")
-    if not isinstance(entries, list) or not entries:
+    if not isinstance(entries, list):
+        wanted = 'a list of trials, such as [{"file": "a.csv"}]'
+        raise fields.wrong("trials", f"must be {wanted}")
+    if not entries:
         raise fields.wrong("trials", "must list at least one trial")
     if len(entries) > MAX_TRIALS:
         raise fields.wrong(
@@ -202,9 +213,7 @@ def _trials(fields: Fields, folder: Path, filter_hz: float | None) -> tuple[Tria
         trials.append(_trial(own, file, span, folder, session_map, filter_hz))
     _one_body_each(fields, trials)
     if all(trial.role == "holdout" for trial in trials):
-        raise fields.wrong(
-            "trials", "every trial is a holdout; at least one must be there to be fitted"
-        )
+        raise fields.wrong("trials", "must hold one that is fitted; every trial is a holdout")
     return tuple(trials)
 
 

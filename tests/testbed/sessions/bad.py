@@ -73,6 +73,16 @@ def decimal_commas(path: Path) -> None:
     words(columns={"separator": "semicolon", "map": names})(path)
 
 
+def constant(text: str, column: int, value: str, first: str | None = None) -> str:
+    """Write one value into a column from the second sample on."""
+    header, one, *others = text.rstrip("\n").split("\n")
+    rows = [line.split(",") for line in (one, *others)]
+    for row in rows[1:]:
+        row[column] = value
+    rows[0][column] = rows[0][column] if first is None else first
+    return "\n".join([header, *map(",".join, rows)]) + "\n"
+
+
 def wrapped(text: str) -> str:
     """Take a turn from every angle of the elbow from the twelfth line on."""
     lines = text.rstrip("\n").split("\n")
@@ -136,7 +146,15 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "a session that is a link": (linked("session.json", "../outside/secret.json"), "leaves the"),
     "a bag for a trial": (bag, "is no CSV file: `rehyb inspect a.mcap --out DIR` writes one"),
     "a link to itself": (linked("a.csv", "a.csv"), "cannot be the name of a file|no such file"),
-    "trials as an object": (words(trials={"file": "a.csv"}), "trials must list"),
+    "trials as an object": (
+        words(trials={"file": "a.csv"}),
+        r"trials must be a list of trials, such as \[\{",
+    ),
+    "no trials": (words(trials=[]), "trials must list at least one trial"),
+    "holdouts alone": (
+        words(trials=[{"file": "a.csv", "role": "holdout"}]),
+        "trials must hold one that is fitted; every trial is a holdout",
+    ),
     "a trial as text": (words(trials=["a.csv"]), r"trials\[0\] must be an object"),
     "too many trials": (words(trials=[{"file": "a.csv"}] * 201), "at most 200"),
     "one file by two names": (copied("", "./a.csv"), "listed twice"),
@@ -283,6 +301,18 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "decimal commas under a declared separator": (
         decimal_commas,
         "with a decimal comma; write decimals with a point",
+    ),
+    "an effort that is constant but for one sample": (
+        csv_text(lambda t: constant(t, 4, "1.5")),
+        "column elbow.effort, line 3: is constant at 1.5 while elbow moves",
+    ),
+    "an encoder that is stuck but for one sample": (
+        csv_text(lambda t: constant(t, 1, "-0.2", first="0.1")),
+        "column shoulder.position, line 3: is constant at -0.2 in .* of .* samples, and jumps",
+    ),
+    "one position that no joint reaches": (
+        csv_text(lambda t: line_of(t, 12, lambda row: [*row[:2], "55", *row[3:]])),
+        "column elbow.position, line 12: jumps from .* to 55 rad .* no robot's joint does",
     ),
     "an encoder that wraps": (
         csv_text(lambda t: wrapped(t)),

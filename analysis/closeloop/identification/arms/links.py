@@ -140,7 +140,11 @@ def fit_links(
 def _newton(
     hessian: np.ndarray, moments: np.ndarray, pseudo: np.ndarray, strength: float, size: int
 ) -> np.ndarray:
-    """Minimise without bounds: `size` free columns, then the links."""
+    """Minimise without bounds: `size` free columns, then the links.
+
+    Efforts that ask for less than no inertia draw the links to where rounding leaves no step: what
+    is found by then is sound, and stays.
+    """
     count = len(pseudo)
     pull = np.einsum("bij,kji->bk", np.linalg.inv(pseudo), BASIS).ravel()
     at = np.zeros(len(moments))
@@ -148,15 +152,18 @@ def _newton(
     ridge = 1e-12 * scale**2
     value = _objective(at, hessian, moments, pseudo, pull, strength, size)
     for _ in range(STEPS):
-        inverse = np.linalg.inv(_moved(pseudo, at[size:]))
         slope = hessian @ at - moments
-        slope[size:] += strength * (pull - np.einsum("bij,kji->bk", inverse, BASIS).ravel())
-        curve = curvature(inverse)
         every = hessian + np.diag(ridge)
-        for number in range(count):
-            own = slice(size + PARAMETERS * number, size + PARAMETERS * (number + 1))
-            every[own, own] += strength * curve[number]
-        step = -np.linalg.solve(every, slope)
+        try:
+            inverse = np.linalg.inv(_moved(pseudo, at[size:]))
+            slope[size:] += strength * (pull - np.einsum("bij,kji->bk", inverse, BASIS).ravel())
+            curve = curvature(inverse)
+            for number in range(count):
+                own = slice(size + PARAMETERS * number, size + PARAMETERS * (number + 1))
+                every[own, own] += strength * curve[number]
+            step = -np.linalg.solve(every, slope)
+        except np.linalg.LinAlgError:
+            break
         decrement = -float(slope @ step)
         if decrement < 1e-9 * (1.0 + abs(value)):
             break
@@ -167,6 +174,8 @@ def _newton(
             if new <= value - 1e-4 * length * decrement:
                 break
             length *= 0.5
+        if not np.isfinite(new):
+            break
         at, value = at + length * step, new
     return at
 

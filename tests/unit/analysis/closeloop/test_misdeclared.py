@@ -7,34 +7,26 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.misdeclared import check_declared, doubtful_gravity
+from analysis.closeloop.misdeclared import (
+    Joint,
+    _wrong_columns,
+    check_declared,
+    doubtful_gravity,
+)
+from analysis.closeloop.remedies import with_motions_exchanged
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.signs import check_signs
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import rich_recording
+from tests.testbed.sessions.rubbing import COULOMB, rubbing_robot, with_efforts
 from tests.testbed.sessions.synthetic import mjcf
-
-#: Nm and Nm s/rad, of both joints; the model declares neither.
-COULOMB, VISCOUS = 0.8, 0.3
-
-
-def with_efforts(robot: Recording, efforts: np.ndarray) -> Recording:
-    session = replace(robot.session, limb_joints=())
-    robot = replace(robot, session=session, joints=(0, 1), cache={})
-    return replace(robot, effort=robot.filtered(efforts), cache={})
 
 
 @pytest.fixture(scope="module")
 def robot() -> Recording:
-    """Two joints that rub, without a limb, in motion of three frequencies each."""
-    t = np.arange(2000) / 200.0
-    waves = np.sin(2 * np.pi * t[:, None, None] * np.array([[0.2, 0.5, 1.1], [0.3, 0.7, 1.3]]))
-    rich = moved(rich_recording(10), waves @ [0.9, 0.4, 0.1] + [-0.5, 1.0], 200.0)
-    rubbing = COULOMB * np.tanh(rich.velocity / 0.01) + VISCOUS * rich.velocity
-    noise = 0.05 * np.random.default_rng(6).standard_normal(rich.position.shape)
-    return with_efforts(rich, rich.inverse + rubbing + noise)
+    return rubbing_robot()
 
 
 def refused(robot: Recording) -> SessionError:
@@ -59,6 +51,36 @@ def test_an_effort_that_is_turned_round_is_refused(robot: Recording, joint: int)
 def test_two_efforts_that_are_exchanged_are_refused(robot: Recording) -> None:
     error = refused(replace(robot, effort=robot.effort[:, ::-1], cache={}))
     assert error.column == "shoulder.effort" and "exchanged with that of elbow" in str(error)
+
+
+def test_two_positions_that_are_exchanged_are_refused(robot: Recording) -> None:
+    # Of parallel joints the farther one feels the sum of both: its effort tells nothing.
+    error = refused(with_motions_exchanged(robot, (0, 1)))
+    assert error.column == "shoulder.position" and "exchanged with that of elbow" in str(error)
+    assert "exchange their columns of position" in str(error)
+
+
+def test_efforts_that_are_exchanged_are_not_told_to_be_turned_round() -> None:
+    # Of an opponent's arm with axes the other way round: one torque is much of the other's reverse.
+    one, other = np.random.default_rng(1).standard_normal((2, 1000))
+    needed = np.column_stack([one, other - one])
+    none = np.zeros((1000, 3))
+    joints = [
+        Joint(
+            number=number,
+            name=f"j{number}",
+            effort=needed[:, 1 - number],
+            declared=needed[:, number],
+            static=needed[:, number],
+            weight=none,
+            position=np.linspace(-1.0, 1.0, 1000),
+            unknown=np.column_stack([none, np.ones(1000), -np.ones(1000)]),
+        )
+        for number in (0, 1)
+    ]
+    assert joints[0].left(-joints[0].effort) < 0.6
+    (column, why), *_ = _wrong_columns(joints)[0]
+    assert column == "j0.effort" and "looks exchanged with that of j1" in why
 
 
 def test_a_counterweight_is_no_wrong_sign(robot: Recording) -> None:

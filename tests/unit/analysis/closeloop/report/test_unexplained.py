@@ -6,7 +6,12 @@ import numpy as np
 
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import Errors
-from analysis.closeloop.report.unexplained import _in_motion, _where, at_rest_where_worse
+from analysis.closeloop.report.unexplained import (
+    _band,
+    _in_motion,
+    _where,
+    at_rest_where_worse,
+)
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.rich import ELBOW
 
@@ -23,6 +28,16 @@ def test_a_joint_that_hardly_moves_in_a_trial_still_has_a_place_there(recording:
     place = _where(recording, short, 0.1)
     assert place["file"] == "a.csv" and place["rms"] == 1.0
     assert place["time"] == [short.time[0], short.time[-1]]
+
+
+def test_the_few_samples_of_a_joint_that_is_mostly_held_have_no_band(recording: Recording) -> None:
+    # Two or three samples of an arm, one joint of which is held in most trials: an IndexError.
+    short = error(recording, slice(100, 102))
+    alternating = replace(short, predicted=np.array([-1.0, 1.0]))
+    assert _band(recording, [alternating], []) is None
+    slow = replace(error(recording, slice(0, 1000)), predicted=np.sin(np.arange(1000) / 20.0))
+    low, high = _band(recording, [slow], []) or (np.nan, np.nan)
+    assert 0.0 <= low <= high < 0.5 * recording.sampling.recorded
 
 
 def test_where_a_joint_turns_its_friction_has_any_value(recording: Recording) -> None:

@@ -40,7 +40,10 @@ def test_the_sound_session_is_read_and_what_nobody_reads_is_told(folder: Path) -
     words(
         declared_effect=[],
         declared_effects=[{"effect": "coulomb_friction", "joint": "elbow", "torque": 5.0}],
-        sensors={"elbow.effort": {"noise_rms": 0.05, "rms": 0.05}},
+        sensors={
+            "elbow.effort": {"noise_rms": 0.05, "rms": 0.05},
+            "wrist.effort": {"noise_rms": 0.05},
+        },
         trials=[{"file": "a.csv", "groupe": "slow", "added_mass": hanging}],
     )(folder)
     session = load_session(folder).session
@@ -48,6 +51,7 @@ def test_the_sound_session_is_read_and_what_nobody_reads_is_told(folder: Path) -
         "declared_effect",
         "declared_effects[0].torque",
         "sensors.elbow.effort.rms",
+        "sensors.wrist.effort",
         "trials[0].groupe",
         "trials[0].added_mass.place",
     }
@@ -55,6 +59,9 @@ def test_the_sound_session_is_read_and_what_nobody_reads_is_told(folder: Path) -
 
 def test_a_key_that_means_nothing_is_told_with_the_one_that_it_resembles() -> None:
     assert said_of_unread(()) == []
+    assert said_of_unread(("sensors.wrist.effort",)) == [
+        "session.json: sensors.wrist.effort means nothing and was not read"
+    ]
     assert said_of_unread(("mine",)) == ["session.json: mine means nothing and was not read"]
     assert said_of_unread(("graviti", "trials[0].gruop")) == [
         "session.json: graviti, trials[0].gruop mean nothing and were not read: "

@@ -37,6 +37,17 @@ def test_a_mass_is_never_negative_whatever_was_measured() -> None:
     assert found[1] == pytest.approx(-2.0, abs=0.05)
 
 
+@pytest.mark.parametrize(("seed", "rank"), [(22, 2), (27, 4), (29, 4)])
+def test_data_that_ask_for_less_than_no_inertia_are_no_error(seed: int, rank: int) -> None:
+    # One joint's effort in mNm: a singular matrix, or a link on the wrong side of no inertia.
+    rng = np.random.default_rng(seed)
+    table = rng.normal(size=(50, rank)) @ rng.normal(size=(rank, 1 + 2 * PARAMETERS))
+    asked = np.concatenate([[1.5], -DECLARED.ravel()])
+    found = fit(1e6 * table, 1e6 * table @ asked, strength=1e-8)
+    moved = PSEUDO + np.einsum("bk,kij->bij", found[1:].reshape(2, PARAMETERS), BASIS)
+    assert np.linalg.eigvalsh(moved).min() > 0.0
+
+
 @pytest.mark.parametrize("bound", [0.0, -1.0])
 def test_a_bounded_coefficient_is_held_at_its_bound_beside_the_links(bound: float) -> None:
     data = np.zeros((5, 2 + 2 * PARAMETERS))
