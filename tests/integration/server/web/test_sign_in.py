@@ -35,7 +35,7 @@ def browser(app: FastAPI) -> Iterator[TestClient]:
         yield client
 
 
-def sign_in(browser: TestClient, token: str = "correct horse") -> None:
+def sign_in(browser: TestClient, token: str = "correct-horse") -> None:
     assert browser.post("/sign-in", json={"token": token}, headers=HERE).status_code == 204
 
 
@@ -51,7 +51,7 @@ def test_a_stranger_sees_the_page_to_sign_in_at_and_nothing_else(browser: TestCl
 def test_a_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(
     browser: TestClient,
 ) -> None:
-    answer = browser.post("/sign-in", json={"token": " correct horse "}, headers=HERE)
+    answer = browser.post("/sign-in", json={"token": " correct-horse "}, headers=HERE)
     cookie = answer.headers["set-cookie"]
     assert "HttpOnly" in cookie and "SameSite=strict" in cookie and "correct" not in cookie
     page = browser.get("/", headers=BROWSER)
@@ -71,7 +71,7 @@ def test_another_site_can_neither_change_anything_nor_sign_anybody_in_or_out(
     headers = {} if origin is None else {"Origin": origin}
     for path, body in (
         ("/v1/studies", STUDY),
-        ("/sign-in", {"token": "correct horse"}),
+        ("/sign-in", {"token": "correct-horse"}),
         ("/sign-out", None),
     ):
         answer = browser.post(path, json=body, headers=headers)
@@ -156,7 +156,7 @@ def test_who_has_a_good_token_gets_in_while_others_guess_from_the_same_address(
     assert browser.get("/v1/studies", headers={"Authorization": f"Bearer {secret}"}).is_success
     for _ in range(FAILURES):
         browser.post("/sign-in", json={"token": "x"}, headers=HERE)
-    for token in ("correct horse", secret):
+    for token in ("correct-horse", secret):
         sign_in(browser, token)
     assert browser.post("/sign-in", json={"token": unseen}, headers=HERE).status_code == 429
 
