@@ -94,6 +94,16 @@ def test_a_code_signs_in_once_with_the_rights_of_whoever_asked_for_it(
     assert "used already" in again.json()["detail"]
 
 
+@pytest.mark.parametrize("scope", ["work", "submit"])
+def test_who_may_not_look_at_pages_gets_no_code(
+    browser: TestClient, engine: Engine, scope: str
+) -> None:
+    _, secret = tokens.create(engine, name="w", scopes=[scope], now=1.0)
+    asked = browser.post("/v1/sign-in-codes", headers={"Authorization": f"Bearer {secret}"})
+    assert asked.status_code == 403
+    assert asked.json()["detail"] == f"this needs a token with the scope read; yours has {scope}"
+
+
 def test_a_code_of_one_coordinator_signs_in_at_any_other_once(
     upgraded_database: Callable[[], str],
 ) -> None:
@@ -165,12 +175,9 @@ def test_a_token_that_may_not_look_is_told_so_at_the_door(
     browser: TestClient, engine: Engine
 ) -> None:
     _, secret = tokens.create(engine, name="node", scopes=["work", "submit"], now=1.0)
-    bearer = {"Authorization": f"Bearer {secret}"}
-    code = browser.post("/v1/sign-in-codes", headers=bearer).json()["code"]
-    for body in ({"token": secret}, {"code": code}):
-        answer = browser.post("/sign-in", json=body, headers=HERE)
-        assert answer.status_code == 403 and "set-cookie" not in answer.headers
-        assert "scope read" in answer.json()["detail"]
+    answer = browser.post("/sign-in", json={"token": secret}, headers=HERE)
+    assert answer.status_code == 403 and "set-cookie" not in answer.headers
+    assert "scope read" in answer.json()["detail"]
 
 
 def test_the_code_of_a_token_that_was_revoked_is_no_good(
