@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO, Self
 
+from models.tokens import usable
 from rehyb.errors import FleetError
 
 #: What `rehyb coordinator` prints once it accepts connections.
@@ -62,7 +63,10 @@ class LocalFleet:
     ) -> None:
         self.directory = directory.resolve()
         self.directory.mkdir(parents=True, exist_ok=True)
-        self.token = token or _kept_token(self.directory / "token")
+        try:
+            self.token = usable(token or "") or _kept_token(self.directory / "token")
+        except ValueError as error:
+            raise FleetError(f"{self.directory} gets no coordinator: {error}") from None
         #: Where the coordinator listens; empty before the fleet has started.
         self.url = ""
         self._workers = workers
@@ -253,7 +257,7 @@ def _kept_token(path: Path) -> str:
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
-        return path.read_text().strip()
+        return usable(path.read_text())
     token = secrets.token_urlsafe(24)
     with os.fdopen(descriptor, "w") as file:
         file.write(token + "\n")

@@ -84,6 +84,8 @@ _NOUNS = (
     assets,
     pages,
 )
+#: What `/readyz` calls what workers ask for all the time, by path.
+_OF_WORKERS = {"/v1/leases": leases.LEASE, "/v1/results": results.POST}
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -122,8 +124,15 @@ def create_app(settings: Settings) -> FastAPI:
         look_up=lambda secret_or_id: tokens.good(app.state.engine, secret_or_id),
         clock=lambda: float(app.state.clock()),
         believed=app.state.sign_in.believed,
+        failed=partial(_note_failure, app.state),
     )
     return app
+
+
+def _note_failure(state: State, path: str, error: Exception) -> None:
+    """Note for `/readyz` that a worker was not even let in."""
+    if path in _OF_WORKERS:
+        state.readiness.failed(_OF_WORKERS[path], error)
 
 
 def _share(app: FastAPI, settings: Settings) -> None:

@@ -5,11 +5,15 @@ from typing import Literal, Self
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from models.tokens import usable
+
 
 class Settings(BaseSettings):
     """Settings of one coordinator; each is read from the environment with the prefix REHYB_."""
 
-    model_config = SettingsConfigDict(env_prefix="REHYB_", frozen=True, extra="ignore")
+    model_config = SettingsConfigDict(
+        env_prefix="REHYB_", frozen=True, extra="ignore", hide_input_in_errors=True
+    )
 
     #: SQLAlchemy URL of the database: sqlite:///FILE or postgresql+psycopg://USER@HOST/NAME.
     database_url: str = "sqlite:///rehyb.sqlite3"
@@ -51,9 +55,10 @@ class Settings(BaseSettings):
             raise ValueError("TLS needs both REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY")
         return self
 
-    @field_validator("token")
+    @field_validator("token", mode="before")
     @classmethod
-    def _is_given(cls, token: SecretStr) -> SecretStr:
-        if not token.get_secret_value():
+    def _is_given(cls, token: str | SecretStr) -> SecretStr:
+        found = usable(token if isinstance(token, str) else token.get_secret_value())
+        if not found:
             raise ValueError("set it to a secret that every request to /v1 must bear")
-        return token
+        return SecretStr(found)

@@ -46,8 +46,10 @@ def new_id(group: str) -> str:
     """
     if group and not _GROUP.fullmatch(group):
         raise Invalid(f"REHYB_WORKER_GROUP is up to 40 letters, digits and ._-, not {group[:60]!r}")
-    made = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}"
-    return f"{group}-{made}" if group else made
+    # A host may be called anything; an @ is after a group only.
+    host = re.sub(r"[^A-Za-z0-9._-]", "-", socket.gethostname())
+    made = f"{host}-{os.getpid()}-{secrets.token_hex(3)}"
+    return f"{group}@{made}" if group else made
 
 
 def describe() -> tuple[dict[str, str], list[str]]:

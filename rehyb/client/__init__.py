@@ -23,5 +23,5 @@ class Client(Studies, Models, Leases, Sessions, CloseLoops, Analyses):
     Invalid when the coordinator cannot use the request, and ServerError when the coordinator fails.
 
     Raises:
-        Unauthorized: there is no token.
+        Unauthorized: there is no token, or one that no request can bear.
     """

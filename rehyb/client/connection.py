@@ -14,6 +14,7 @@ from typing import Any, Self
 
 import httpx2
 
+from models.tokens import usable
 from rehyb.client.wire import (
     Answer,
     HungUpError,
@@ -63,8 +64,12 @@ class Connection:
         transport: httpx2.BaseTransport | None = None,
     ) -> None:
         self.url = (url or os.environ.get("REHYB_URL") or DEFAULT_URL).rstrip("/")
-        token = token or os.environ.get("REHYB_TOKEN")
-        if not token:
+        try:
+            #: What every request bears.
+            self.token = usable(token or os.environ.get("REHYB_TOKEN") or "")
+        except ValueError as error:
+            raise Unauthorized(str(error)) from None
+        if not self.token:
             raise Unauthorized(
                 f"there is no token for {self.url}: set REHYB_TOKEN to the coordinator's token"
             )
@@ -75,7 +80,7 @@ class Connection:
         self._timeout = timeout
         #: Whether anything there has ever answered in HTTP.
         self._answered = False
-        headers = {"Authorization": f"Bearer {token}"}
+        headers = {"Authorization": f"Bearer {self.token}"}
         try:
             address = httpx2.URL(self.url)
             if address.scheme not in ("http", "https") or not address.host:
@@ -95,7 +100,7 @@ class Connection:
             )
         except (httpx2.InvalidURL, UnicodeError) as error:
             raise Invalid(f"{self.url} is not a coordinator's address: {error}") from error
-        plain = transport is None and is_plain(address, token, direct=direct)
+        plain = transport is None and is_plain(address, direct=direct)
         #: For what is asked over and over; None: by `_http` as everything else.
         self._wire = Wire(address, headers) if plain else None
         # A worker asks for the same few all the time: to join and check one is an eighth of a call.

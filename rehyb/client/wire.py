@@ -172,12 +172,11 @@ def speaks_tls(host: str, port: int, seconds: float) -> bool:
         return False
 
 
-def is_plain(url: httpx2.URL, token: str, *, direct: bool) -> bool:
+def is_plain(url: httpx2.URL, *, direct: bool) -> bool:
     """Say whether a coordinator can be asked over a `Wire`.
 
     Args:
         url: where it is.
-        token: what requests bear.
         direct: no proxy is asked, whatever the environment says.
     """
     return (
@@ -185,8 +184,6 @@ def is_plain(url: httpx2.URL, token: str, *, direct: bool) -> bool:
         and not url.userinfo
         and bool(url.host)
         and (direct or not getproxies().keys() & {"http", "all"})
-        and token.isascii()
-        and token.isprintable()
     )
 
 

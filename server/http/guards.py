@@ -53,6 +53,8 @@ class Guard:
         look_up: finds all others in the database.
         clock: seconds, UTC epoch.
         believed: where it remembers good tokens.
+        failed: is told of a path that was asked for, and of the database's error that kept it from
+            finding out who asks.
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class Guard:
         look_up: LookUp,
         clock: Callable[[], float],
         believed: Believed,
+        failed: Callable[[str, Exception], object],
     ) -> None:
         self._app = app
         self._expected = token.encode()
@@ -70,6 +73,7 @@ class Guard:
         self._seal = Seal(token)
         self._failures = Failures()
         self._believed = believed
+        self._failed = failed
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request (ASGI)."""
@@ -82,6 +86,7 @@ class Guard:
         except (DBAPIError, NoConnectionError) as error:
             # Here, in front of all routes, nobody else answers what is raised.
             refusal = unless_away(error)
+            self._failed(scope["path"], error)
         await (refusal or self._app)(scope, receive, send)
 
     async def _objection(self, scope: Scope) -> ASGIApp | None:

@@ -14,7 +14,7 @@ OPERATOR = "operator"
 #: Seconds that a sign-in lasts, and that a code may be used, once.
 SIGNED_IN_SECONDS = 7 * 86400.0
 CODE_SECONDS = 3600.0
-#: Codes that wait to be used; the oldest goes for one too many.
+#: Codes of one token that wait to be used; the oldest goes for one too many.
 MOST_CODES = 100
 #: Requests that change nothing.
 READING = ("GET", "HEAD", "OPTIONS")

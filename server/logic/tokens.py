@@ -35,9 +35,12 @@ def scopes_needed(method: str, path: str) -> tuple[str, ...]:
     """Return the scopes any of which a request to a guarded path needs."""
     if path == "/v1/results" or path == "/v1/leases" or path.startswith("/v1/leases/"):
         return ("work",)
-    if path in ("/openapi.json", "/v1/sign-in-codes"):
-        # Whoever may do anything may know how, and look on in a browser with the same rights.
+    if path == "/openapi.json":
+        # Whoever may do anything may know how.
         return SCOPES
+    if path == "/v1/sign-in-codes":
+        # What a code is good for: to look at pages.
+        return ("read",)
     if method in ("GET", "HEAD", "OPTIONS"):
         return ("read", "work") if _OF_WORK.fullmatch(path) else ("read",)
     if path == "/v1/models":

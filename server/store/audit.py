@@ -16,13 +16,20 @@ from server.store.database.schema import (
     comparisons,
     instances,
     leases,
+    loop_workers,
+    models,
     results,
     studies,
+    tokens,
     workers,
 )
 
 #: Milliseconds that a look waits for a lock: a migration or a vacuum may be about to let go of it.
 LOOK_MILLISECONDS = 500
+#: What workers' requests change, and what they read besides. Not the other tables, whose locks cost
+#: no worker anything, while a coordinator that is not ready is taken from all.
+_CHANGED = (studies, workers, leases, instances, results, comparisons)
+_READ = (tokens, loop_workers, models)
 
 
 def studies_by_age(connection: Connection) -> list[str]:
@@ -116,22 +123,24 @@ def damage(connection: Connection, *, seconds: float) -> str | None:
 
 
 def what_is_locked(connection: Connection) -> str | None:
-    """Say that somebody keeps tables locked that a lease changes; None: nobody does.
+    """Say that somebody keeps tables locked that workers need; None: nobody does.
 
-    By taking, until the transaction ends, the locks that writing a row takes on its table. They
-    hinder nobody who only reads or writes. Of SQLite's one lock whoever may write knows already.
+    By taking, until the transaction ends, the locks that writing or reading a row takes on its
+    table. They hinder nobody who only does that. Of SQLite's one lock whoever may write knows
+    already.
     """
     if connection.dialect.name == "sqlite":
         return None
     connection.exec_driver_sql(f"SET LOCAL lock_timeout = {LOOK_MILLISECONDS}")
-    names = ", ".join(table.name for table in (studies, workers, leases, instances, results))
-    try:
-        with connection.begin_nested():
-            connection.exec_driver_sql(f"LOCK TABLE {names} IN ROW EXCLUSIVE MODE")
-    except DBAPIError as error:
-        if not waited_for_lock(error):
-            raise
-        return f"another session keeps a table locked ({names})"
+    for tables, mode in ((_CHANGED, "ROW EXCLUSIVE"), (_READ, "ACCESS SHARE")):
+        names = ", ".join(table.name for table in tables)
+        try:
+            with connection.begin_nested():
+                connection.exec_driver_sql(f"LOCK TABLE {names} IN {mode} MODE")
+        except DBAPIError as error:
+            if not waited_for_lock(error):
+                raise
+            return f"another session keeps a table locked ({names})"
     return None
 
 

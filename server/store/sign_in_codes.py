@@ -9,11 +9,13 @@ from server.store.database.schema import sign_in_codes
 def add(
     connection: Connection, digest: str, who: str, *, now: float, until: float, most: int
 ) -> None:
-    """Store a new code; those that are too old go, and the oldest of too many."""
-    latest = sa.select(sign_in_codes.c.digest).order_by(sign_in_codes.c.good_until.desc())
+    """Store a new code; those that are too old go, and the oldest of too many of the same asker."""
+    own = sign_in_codes.c.who == who
+    latest = sa.select(sign_in_codes.c.digest).where(own)
+    latest = latest.order_by(sign_in_codes.c.good_until.desc()).limit(most - 1)
     stale = sa.or_(
         sign_in_codes.c.good_until <= now,
-        sign_in_codes.c.digest.not_in(latest.limit(most - 1).scalar_subquery()),
+        sa.and_(own, sign_in_codes.c.digest.not_in(latest.scalar_subquery())),
     )
     connection.execute(sa.delete(sign_in_codes).where(stale))
     values = {"digest": digest, "who": who, "good_until": until}

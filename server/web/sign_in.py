@@ -44,7 +44,10 @@ class SignInBody(Body):
 
 @router.post("/v1/sign-in-codes", status_code=201, tags=["signing in"])
 def code(request: Request, store: Store, now: Now) -> dict[str, Any]:
-    """Make a code that signs in a browser once, within an hour, with the rights of the asker."""
+    """Make a code that signs in a browser once, within an hour, with the rights of the asker.
+
+    Of those of one token that nobody has used the latest hundred are kept.
+    """
     made = sign_in_codes.new(store, request.scope["rehyb.who"], now=now)
     return {"code": made, "path": f"/sign-in#{made}"}
 

@@ -1,7 +1,6 @@
 """`rehyb pilots`: workers that a batch system starts."""
 
 import json
-import os
 import time
 from contextlib import closing
 from dataclasses import asdict
@@ -57,7 +56,7 @@ def pilots(
                 settings=settings,
                 engine=engine,
                 client=client,
-                token=token or os.environ["REHYB_TOKEN"],
+                token=client.token,
                 folder=folder,
             )
             keeper.prepare()

@@ -1,7 +1,8 @@
 """What a group of workers may have of the work that waits: whoever starts more asks for them.
 
-Workers of a group have ids that begin with its name. They are taken to be alike, so that the latest
-of them tell what the next one could do.
+Workers of a group have ids that begin with its name and an @, which is in no name of a group or of
+a host (`worker.machine`). They are taken to be alike, so that the latest of them tell what the next
+one could do.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +22,7 @@ MOST_REASONS = 3
 
 def beginning(group: str) -> str:
     """Return how the ids of a group's workers begin."""
-    return f"{group}-"
+    return f"{group}@"
 
 
 @record

@@ -8,7 +8,7 @@ from sqlalchemy.engine import Engine
 
 from server.operations.fleet.exchange import Answer, Deferred, Exchange, Grant, Served
 from server.operations.fleet.turns import next_turn, serve_within, take_turn
-from server.store.database.presence import is_silent
+from server.store.database.presence import is_silent, waited_for_lock
 from server.store.database.write_batching import WriteBatches
 from server.store.fleet.turns import TurnConnection
 
@@ -81,7 +81,7 @@ class Exchanges:
                 answers, self._next_study = found.answers, found.next_study
             except Exception as error:
                 self._next_study = ""
-                if is_silent(error):
+                if is_silent(error) or waited_for_lock(error):
                     collect()
                     _refuse(taken, error)
                     continue

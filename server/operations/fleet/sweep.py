@@ -9,7 +9,9 @@ from sqlalchemy.engine import Engine
 
 from server.clocks import Clock
 from server.operations.fleet import leases
+from server.store.audit import write_nothing_new
 from server.store.database.engine import writing
+from server.store.fleet import workers
 
 log = logging.getLogger(__name__)
 
@@ -66,8 +68,10 @@ class Sweep:
         """Return how many instances came back."""
         self._looked_at = self._clock()
         # Whoever keeps the database to itself keeps workers from renewing, too.
-        with writing(self._engine):
-            pass
+        with writing(self._engine) as connection:
+            # Nor does one renew that finds no room on the disk.
+            if workers.any_holds_a_lease(connection, now=-inf):
+                write_nothing_new(connection)
         self._follow_others()
         self.catch_up()
         now = self._clock()

@@ -111,13 +111,13 @@ async def lease(body: LeaseBody, request: Request) -> Response:
     """Lease instances of one study; 204: nothing to do now; 409: nothing that the worker fits."""
     state, wanted = request.app.state, requested(body)
     now, ttl = state.clock(), state.settings.lease_seconds
-    await sweep(state)
-    with state.metrics.lease_seconds.time():
-        try:
+    try:
+        await sweep(state)
+        with state.metrics.lease_seconds.time():
             _, found = await state.exchange(Exchange(request=wanted, now=now, ttl=ttl))
-        except (SQLAlchemyError, sqlite3.Error) as error:
-            state.readiness.failed(LEASE, error)
-            raise
+    except (SQLAlchemyError, sqlite3.Error) as error:
+        state.readiness.failed(LEASE, error)
+        raise
     state.readiness.served(LEASE)
     if isinstance(found, Ineligible):
         state.metrics.misfits.inc()

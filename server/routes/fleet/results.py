@@ -106,10 +106,8 @@ async def post(body: ResultsBody, request: Request) -> Response:
         judgements, _ = await _exchanged(state, Exchange(posted=posted, now=now, ttl=ttl))
     else:
         asked = requested(body.next)
-        await sweep(state)
-        with measures.lease_seconds.time():
-            both = Exchange(posted=posted, request=asked, now=now, ttl=ttl)
-            judgements, found = await _exchanged(state, both)
+        both = Exchange(posted=posted, request=asked, now=now, ttl=ttl)
+        judgements, found = await _exchanged(state, both)
         misfit = found.why if isinstance(found, Ineligible) else None
         measures.misfits.inc(misfit is not None)
         answer["misfit"] = misfit
@@ -140,8 +138,14 @@ router.add_api_route(
 
 async def _exchanged(state: State, exchange: Exchange) -> Answer:
     """Serve a worker that posts, and note how that went for `/readyz`."""
+    answer: Answer
     try:
-        answer: Answer = await state.exchange(exchange)
+        if exchange.request is None:
+            answer = await state.exchange(exchange)
+        else:
+            await sweep(state)
+            with state.metrics.lease_seconds.time():
+                answer = await state.exchange(exchange)
     except SQLAlchemyError as error:
         # Not of what one body alone brings about: others would be served.
         if why_away(error) is not None:

@@ -21,7 +21,7 @@ Group = Annotated[
         max_length=40,
         pattern=PRINTABLE,
         examples=["lab-2"],
-        description="What workers have as REHYB_WORKER_GROUP: their ids begin with it.",
+        description="What workers have as REHYB_WORKER_GROUP: their ids begin with it and an @.",
     ),
 ]
 

@@ -28,9 +28,10 @@ KINDS = ("sqlite", "postgresql+psycopg")
 JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 #: Seconds a transaction waits for another process to finish writing.
 BUSY_SECONDS = 30
-#: Seconds that a request waits for a row that another one changes, on PostgreSQL: a worker waits
-#: 30 s for an answer, and hears so before.
+#: Seconds that a request waits for a row that another one changes, or for SQLite's file: a worker
+#: waits 30 s for an answer, and hears so before.
 LOCK_SECONDS = 20
+_IMMEDIATELY = "BEGIN IMMEDIATE"
 #: Pages (of 4 kB) of SQLite's write-ahead log. With its own 1000 a busy coordinator would wait for
 #: the disk every hundredth transaction.
 LOG_PAGES = 10_000
@@ -124,17 +125,39 @@ def writing(engine: Engine) -> Iterator[Connection]:
     SQLite has one writer at a time. The threads of this process queue on a lock, which wakes the
     next one at once; SQLite's own busy handler sleeps and polls, and is left for other processes.
     """
-    sqlite_only, command = engine.dialect.name == "sqlite", "BEGIN IMMEDIATE"
-    lock = engine.get_execution_options()["writer"] if sqlite_only else nullcontext()
-    with lock, noted(engine), engine.connect() as connection:
+    with _queued(engine) as until, noted(engine), engine.connect() as connection:
         connection = connection.execution_options(immediate=True)
         with connection.begin():
             # It takes the write lock now and need never start again.
             try:
-                _begin(connection, command)
+                _begin(connection, _IMMEDIATELY, until)
             except sqlite3.Error as error:
-                raise failure(error, connection.dialect, command, ()) from error
+                raise failure(error, connection.dialect, _IMMEDIATELY, ()) from error
             yield connection
+
+
+@contextmanager
+def _queued(engine: Engine) -> Iterator[float | None]:
+    """Keep other threads from writing to SQLite; yields until when another process is waited for.
+
+    That is one time to wait for both: the thread before may have waited for the other process, too.
+    None: as long as the connection says.
+    """
+    if engine.dialect.name != "sqlite":
+        yield None
+        return
+    options = engine.get_execution_options()
+    lock: threading.Lock = options["writer"]
+    seconds = -1 if options["presence"] is None else LOCK_SECONDS
+    until = time.monotonic() + seconds
+    if not lock.acquire(timeout=seconds):
+        late = sqlite3.OperationalError("database is locked")
+        late.sqlite_errorcode = sqlite3.SQLITE_BUSY
+        raise failure(late, engine.dialect, _IMMEDIATELY, ())
+    try:
+        yield None if seconds < 0 else until
+    finally:
+        lock.release()
 
 
 def noted(engine: Engine) -> AbstractContextManager[None]:
@@ -312,7 +335,7 @@ def _use_write_ahead_log(connection: Any) -> None:
             time.sleep(0.02)
 
 
-def _begin(connection: Connection, command: str) -> None:
+def _begin(connection: Connection, command: str, until: float | None = None) -> None:
     """Begin a transaction on SQLite; PostgreSQL's driver does so by itself.
 
     No listener to SQLAlchemy's own event, since with one every statement looks for listeners; and
@@ -320,4 +343,7 @@ def _begin(connection: Connection, command: str) -> None:
     """
     if connection.dialect.name == "sqlite":
         raw: Any = connection.connection.dbapi_connection
+        if until is not None:
+            left = max(int((until - time.monotonic()) * 1000), 0)
+            raw.execute(f"PRAGMA busy_timeout = {left}")
         raw.execute(command)

@@ -65,6 +65,12 @@ def waited_for_lock(error: Exception) -> bool:
     return isinstance(error, DBAPIError) and _code_of(error) == _LOCK_TIMEOUT
 
 
+def is_busy(error: Exception) -> bool:
+    """Say whether a request gave up since another one writes to SQLite's file."""
+    code: int = getattr(getattr(error, "orig", None), "sqlite_errorcode", 0)
+    return code & 0xFF == sqlite3.SQLITE_BUSY
+
+
 def _code_of(error: DBAPIError) -> str | None:
     return getattr(error.orig, "sqlstate", None)
 

@@ -14,6 +14,7 @@ from typing import Generic, TypeVar
 from sqlalchemy.engine import Connection, Engine
 
 from server.store.database.engine import ImmediateWriter, writing
+from server.store.database.presence import is_busy
 
 Q = TypeVar("Q")
 A = TypeVar("A")
@@ -95,6 +96,11 @@ class WriteBatches(Generic[Q, A]):
     ) -> None:
         """Answer a batch that a thread has done, and see to what came meanwhile."""
         _tell(batch, outcomes)
+        _, error = outcomes[-1]
+        if error is not None and is_busy(error):
+            # Who came meanwhile waited, too, and would once more.
+            _tell(self._waiting, [(None, error) for _ in self._waiting])
+            self._waiting = []
         self._seen_to = bool(self._waiting)
         if self._waiting:
             loop.call_soon(self._serve, loop)
@@ -108,6 +114,8 @@ class WriteBatches(Generic[Q, A]):
 def run_batch(engine: Engine, serve: Serve[Q, A], questions: Sequence[Q]) -> list[Outcome[A]]:
     """Answer in one transaction; if it fails, each in its own, so that none spoils the others.
 
+    Unless somebody else keeps the file: each by itself would wait for as long.
+
     Returns:
         What each is answered, and what was raised instead.
     """
@@ -116,8 +124,8 @@ def run_batch(engine: Engine, serve: Serve[Q, A], questions: Sequence[Q]) -> lis
             answers = serve(connection, questions)
         return [(answer, None) for answer in answers]
     except Exception as error:
-        if len(questions) == 1:
-            return [(None, error)]
+        if len(questions) == 1 or is_busy(error):
+            return [(None, error) for _ in questions]
     return [outcome for one in questions for outcome in run_batch(engine, serve, [one])]
 
 

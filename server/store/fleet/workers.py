@@ -78,7 +78,9 @@ def heard(connection: Connection, *, after: float, most: int | None = None) -> l
 
 def latest_of(connection: Connection, beginning: str, *, most: int) -> list[Worker]:
     """Return the workers with ids that begin so who were heard from last."""
-    query = sa.select(workers).where(workers.c.id.startswith(beginning, autoescape=True))
+    # Not LIKE, for which SQLite takes "LAB" for "lab".
+    begins = sa.func.substr(workers.c.id, 1, len(beginning)) == beginning
+    query = sa.select(workers).where(begins)
     query = query.order_by(workers.c.last_seen.desc(), workers.c.id).limit(most)
     return [_worker(row) for row in connection.execute(query)]
 

@@ -20,7 +20,7 @@ from tests.testbed.clock import Clock
 from tests.testbed.coordinators import exchanges, records
 from tests.testbed.coordinators.turns import Turns
 
-TOKEN = "correct horse"
+TOKEN = "correct-horse"
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

@@ -86,7 +86,7 @@ def test_a_coordinator_goes_on_from_the_latest_time_that_it_knows(
     app: FastAPI, clock: Clock
 ) -> None:
     who = {"worker": {"id": "w", "host": "h"}, "models": ["ishigami"], "max_instances": 1}
-    with TestClient(app, headers={"Authorization": "Bearer correct horse"}) as client:
+    with TestClient(app, headers={"Authorization": "Bearer correct-horse"}) as client:
         client.post("/v1/leases", json=who)
     last = clock.now
     clock.advance(-3600.0)
@@ -105,7 +105,7 @@ def test_a_coordinator_follows_another_of_its_database_whose_clock_is_ahead(
     other = web.create_app(app.state.settings)
     other.state.clock = ahead = Clock()
     ahead.now = clock.now + 3600.0
-    token = {"Authorization": "Bearer correct horse"}
+    token = {"Authorization": "Bearer correct-horse"}
     with TestClient(app, headers=token) as client, TestClient(other, headers=token) as beside:
         assert app.state.clock() == clock.now
         beside.post("/v1/leases", json=who)
@@ -119,7 +119,7 @@ def test_a_coordinator_that_begins_with_a_clock_ahead_ends_no_lease_of_the_one_b
     other = web.create_app(app.state.settings)
     other.state.clock = ahead = Clock()
     ahead.now = clock.now + 3600.0
-    token = {"Authorization": "Bearer correct horse"}
+    token = {"Authorization": "Bearer correct-horse"}
     with TestClient(app, headers=token) as client, TestClient(other, headers=token) as beside:
         client.post("/v1/studies", json=STUDY)
         held = client.post("/v1/leases", json=asking(max_instances=1)).json()

@@ -22,7 +22,7 @@ from tests.testbed.coordinators.certificates import self_signed
 from tests.testbed.fleet import warm
 from tests.testbed.fleet.lab import until
 
-TOKEN = "only for this test"
+TOKEN = "only-for-this-test"
 STUDY = {"name": "s", "model": "ishigami", "method": "saltelli", "rows": 40}
 STARTED = re.compile(r"listening on (https?://127\.0\.0\.\d:\d+)\n")
 

@@ -22,7 +22,7 @@ from server.app import create_app
 from server.settings import Settings
 from tests.testbed.coordinators.rest_bodies import STUDY, asking, posting, result
 
-TOKEN = "correct horse"
+TOKEN = "correct-horse"
 ENDPOINT = "OTEL_EXPORTER_OTLP_ENDPOINT"
 
 

@@ -21,6 +21,13 @@ def test_a_given_token_is_used_and_not_written_down(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_given_token_is_one_that_requests_can_bear(tmp_path: Path) -> None:
+    assert LocalFleet(tmp_path, workers=1, token="given\n").token == "given"
+    with pytest.raises(FleetError, match="no request can bear") as refused:
+        LocalFleet(tmp_path, workers=1, token="hush hush")
+    assert "hush" not in str(refused.value)
+
+
 #: Waits for three seconds, and says so.
 WAITS = """
 import time

@@ -55,6 +55,21 @@ def test_the_token_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "hush" not in repr(Settings())
 
 
+def test_a_token_from_a_file_may_end_its_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("REHYB_TOKEN", "secret\r\n")
+    assert Settings().token.get_secret_value() == "secret"
+
+
+@pytest.mark.parametrize("token", ["hush hush", "h\xfcsh", "hush\udcff"])
+def test_a_token_that_no_request_can_bear_is_refused_and_not_shown(
+    monkeypatch: pytest.MonkeyPatch, token: str
+) -> None:
+    monkeypatch.setenv("REHYB_TOKEN", token)
+    with pytest.raises(ValidationError, match="no request can bear") as refused:
+        Settings()
+    assert "hush" not in str(refused.value) and "h\xfcsh" not in str(refused.value)
+
+
 def test_tls_needs_certificate_and_key(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("REHYB_TOKEN", "t")
     monkeypatch.setenv("REHYB_TLS_KEY", "key.pem")

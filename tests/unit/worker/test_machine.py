@@ -133,8 +133,15 @@ def test_a_processor_is_known_by_its_vector_instructions(
 
 def test_the_id_of_a_worker_begins_with_its_group_and_is_nobody_elses() -> None:
     assert len({new_id("day-2") for _ in range(3)}) == 3
-    assert new_id("day-2").startswith(f"day-2-{socket.gethostname()}-")
+    assert new_id("day-2").startswith(f"day-2@{socket.gethostname()}-")
     assert new_id("").startswith(f"{socket.gethostname()}-")
+
+
+def test_whatever_a_host_is_called_the_id_of_its_worker_names_no_other_group_and_a_file(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(socket, "gethostname", lambda: "day@../höhle")
+    assert new_id("").startswith("day-..-h-hle-")
 
 
 @pytest.mark.parametrize("group", ["../x", "a b", "-a", "a" * 41])

@@ -9,9 +9,14 @@ from contextlib import closing, contextmanager
 import pytest
 import sqlalchemy as sa
 from fastapi.testclient import TestClient
+from pydantic import SecretStr
 from sqlalchemy.engine import Engine
 
+from server.app import create_app
+from server.operations import tokens
+from server.operations.fleet.sweep import SWEEP_SECONDS
 from server.operations.readiness import LOOK_SECONDS, Readiness
+from server.settings import Settings
 from server.store.database.engine import writing
 from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, is_problem, posting, result
 
@@ -40,8 +45,14 @@ def another(engine: Engine, statement: str) -> Iterator[None]:
 
 
 @on_postgresql
-@pytest.mark.parametrize("table", ["studies", "workers", "leases", "instances", "results"])
-def test_while_another_session_locks_a_table_that_leases_change_it_is_not_ready(
+@pytest.mark.parametrize(
+    "table",
+    [
+        *("studies", "workers", "leases", "instances", "results", "comparisons"),
+        *("tokens", "loop_workers", "models"),
+    ],
+)
+def test_while_another_session_locks_a_table_that_workers_need_it_is_not_ready(
     client: TestClient, engine: Engine, table: str
 ) -> None:
     with another(engine, f"LOCK TABLE {table} IN ACCESS EXCLUSIVE MODE"):
@@ -57,6 +68,42 @@ def test_a_session_that_makes_an_index_lets_nobody_write_so_it_is_not_ready(
 ) -> None:
     with another(engine, "LOCK TABLE leases IN SHARE MODE"):
         assert "another session keeps a table locked" in said(client)
+
+
+@on_postgresql
+@pytest.mark.parametrize(
+    ("table", "mode"), [("tokens", "SHARE"), ("snapshots", "ACCESS EXCLUSIVE")]
+)
+def test_a_lock_that_keeps_no_worker_waiting_does_not_make_it_unready(
+    client: TestClient, engine: Engine, table: str, mode: str
+) -> None:
+    with another(engine, f"LOCK TABLE {table} IN {mode} MODE"):
+        assert said(client) == ""
+
+
+@on_postgresql
+@pytest.mark.parametrize(
+    ("table", "waits"), [("tokens", "asked"), ("loop_workers", "there"), ("leases", "there")]
+)
+def test_a_lease_that_waited_for_a_lock_in_vain_is_told_of_afterwards_wherever_it_waited(
+    upgraded: str, monkeypatch: pytest.MonkeyPatch, table: str, waits: str
+) -> None:
+    monkeypatch.setattr("server.store.database.engine.LOCK_SECONDS", 1)
+    app = create_app(Settings(database_url=upgraded, token=SecretStr("t")))
+    _, secret = tokens.create(app.state.engine, name="w", scopes=["work"], now=1.0)
+    bearer = {"Authorization": f"Bearer {secret}"}
+    with TestClient(app, raise_server_exceptions=False) as client:
+        client.post("/v1/studies", json=STUDY, headers={"Authorization": "Bearer t"})
+        if waits == "there":
+            # It is known already who asks.
+            client.get("/v1/work", headers=bearer)
+            time.sleep(SWEEP_SECONDS)
+        with another(app.state.engine, f"LOCK TABLE {table} IN ACCESS EXCLUSIVE MODE"):
+            response = client.post("/v1/leases", json=asking(), headers=bearer)
+            assert is_problem(response, 503)
+        assert "the last lease failed: canceling statement due to lock timeout" in said(client)
+        assert client.post("/v1/leases", json=asking(), headers=bearer).status_code == 201
+        assert said(client) == ""
 
 
 @on_postgresql

@@ -39,6 +39,13 @@ def test_codes_that_nobody_uses_do_not_pile_up(engine: Engine) -> None:
     assert kept() == 1, "those that are too old are gone"
 
 
+def test_nobody_pushes_out_the_codes_of_others(engine: Engine) -> None:
+    mine = sign_in_codes.new(engine, "anna", now=0.0)
+    for number in range(MOST_CODES):
+        sign_in_codes.new(engine, "ben", now=1.0 + number)
+    assert sign_in_codes.take(engine, mine, now=200.0) == "anna"
+
+
 def test_a_database_that_leaks_leaks_no_code(engine: Engine) -> None:
     code = sign_in_codes.new(engine, "anna", now=0.0)
     with reading(engine) as connection:

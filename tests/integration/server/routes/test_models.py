@@ -178,13 +178,13 @@ def test_a_model_whose_code_a_group_lacks_is_no_work_for_it_but_one_that_it_brin
         found = client.get(f"/v1/work?group={group}").json()
         return found["waiting"], found["unfit"], found["why"]
 
-    headers = {"X-Rehyb-Worker": "night-1"}
+    headers = {"X-Rehyb-Worker": "night@1"}
     model = client.post("/v1/models", json=announced(), headers=headers).json()
     version = f"elsewhere@{model['digest']}"
     study = submitted(client, version)
     count = study["instances"]
     for group in ("day", "night"):
-        who = {"id": f"{group}-1", "host": "pc7"}
+        who = {"id": f"{group}@1", "host": "pc7"}
         asked = {"worker": who, "models": ["ishigami"], "max_instances": 1}
         assert client.post("/v1/leases", json=asked).status_code == 204
     why = (

@@ -35,7 +35,7 @@ def browser(app: FastAPI) -> Iterator[TestClient]:
         yield client
 
 
-def sign_in(browser: TestClient, token: str = "correct horse") -> None:
+def sign_in(browser: TestClient, token: str = "correct-horse") -> None:
     assert browser.post("/sign-in", json={"token": token}, headers=HERE).status_code == 204
 
 
@@ -51,7 +51,7 @@ def test_a_stranger_sees_the_page_to_sign_in_at_and_nothing_else(browser: TestCl
 def test_a_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(
     browser: TestClient,
 ) -> None:
-    answer = browser.post("/sign-in", json={"token": " correct horse "}, headers=HERE)
+    answer = browser.post("/sign-in", json={"token": " correct-horse "}, headers=HERE)
     cookie = answer.headers["set-cookie"]
     assert "HttpOnly" in cookie and "SameSite=strict" in cookie and "correct" not in cookie
     page = browser.get("/", headers=BROWSER)
@@ -71,7 +71,7 @@ def test_another_site_can_neither_change_anything_nor_sign_anybody_in_or_out(
     headers = {} if origin is None else {"Origin": origin}
     for path, body in (
         ("/v1/studies", STUDY),
-        ("/sign-in", {"token": "correct horse"}),
+        ("/sign-in", {"token": "correct-horse"}),
         ("/sign-out", None),
     ):
         answer = browser.post(path, json=body, headers=headers)
@@ -92,6 +92,16 @@ def test_a_code_signs_in_once_with_the_rights_of_whoever_asked_for_it(
     again = browser.post("/sign-in", json={"code": code}, headers=HERE)
     assert again.status_code == 401
     assert "used already" in again.json()["detail"]
+
+
+@pytest.mark.parametrize("scope", ["work", "submit"])
+def test_who_may_not_look_at_pages_gets_no_code(
+    browser: TestClient, engine: Engine, scope: str
+) -> None:
+    _, secret = tokens.create(engine, name="w", scopes=[scope], now=1.0)
+    asked = browser.post("/v1/sign-in-codes", headers={"Authorization": f"Bearer {secret}"})
+    assert asked.status_code == 403
+    assert asked.json()["detail"] == f"this needs a token with the scope read; yours has {scope}"
 
 
 def test_a_code_of_one_coordinator_signs_in_at_any_other_once(
@@ -156,7 +166,7 @@ def test_who_has_a_good_token_gets_in_while_others_guess_from_the_same_address(
     assert browser.get("/v1/studies", headers={"Authorization": f"Bearer {secret}"}).is_success
     for _ in range(FAILURES):
         browser.post("/sign-in", json={"token": "x"}, headers=HERE)
-    for token in ("correct horse", secret):
+    for token in ("correct-horse", secret):
         sign_in(browser, token)
     assert browser.post("/sign-in", json={"token": unseen}, headers=HERE).status_code == 429
 
@@ -165,12 +175,9 @@ def test_a_token_that_may_not_look_is_told_so_at_the_door(
     browser: TestClient, engine: Engine
 ) -> None:
     _, secret = tokens.create(engine, name="node", scopes=["work", "submit"], now=1.0)
-    bearer = {"Authorization": f"Bearer {secret}"}
-    code = browser.post("/v1/sign-in-codes", headers=bearer).json()["code"]
-    for body in ({"token": secret}, {"code": code}):
-        answer = browser.post("/sign-in", json=body, headers=HERE)
-        assert answer.status_code == 403 and "set-cookie" not in answer.headers
-        assert "scope read" in answer.json()["detail"]
+    answer = browser.post("/sign-in", json={"token": secret}, headers=HERE)
+    assert answer.status_code == 403 and "set-cookie" not in answer.headers
+    assert "scope read" in answer.json()["detail"]
 
 
 def test_the_code_of_a_token_that_was_revoked_is_no_good(

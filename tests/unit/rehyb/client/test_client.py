@@ -43,7 +43,7 @@ def test_every_request_bears_the_token() -> None:
 
 def test_url_and_token_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("REHYB_URL", "http://lab:9000/")
-    monkeypatch.setenv("REHYB_TOKEN", "from the environment")
+    monkeypatch.setenv("REHYB_TOKEN", "from-the-environment")
 
     def answer(request: httpx2.Request) -> httpx2.Response:
         assert str(request.url) == "http://lab:9000/v1/workers"
@@ -56,6 +56,22 @@ def test_a_client_without_a_token_says_what_to_set(monkeypatch: pytest.MonkeyPat
     monkeypatch.delenv("REHYB_TOKEN", raising=False)
     with pytest.raises(Unauthorized, match="set REHYB_TOKEN"):
         Client("http://lab:9000")
+
+
+def test_a_token_from_a_file_may_end_its_line() -> None:
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        assert request.headers["Authorization"] == "Bearer secret"
+        return httpx2.Response(200, json={"studies": []})
+
+    with Client("http://c", "secret\n", transport=httpx2.MockTransport(answer)) as client:
+        assert client.studies() == []
+
+
+@pytest.mark.parametrize("token", ["hush hush", "h\xfcsh", "hush\udcff"])
+def test_a_token_that_no_request_can_bear_is_refused_and_not_shown(token: str) -> None:
+    with pytest.raises(Unauthorized, match="no request can bear") as refused:
+        Client("http://lab:9000", token)
+    assert "hush" not in str(refused.value) and "h\xfcsh" not in str(refused.value)
 
 
 def test_a_study_is_submitted_with_its_idempotency_key() -> None:

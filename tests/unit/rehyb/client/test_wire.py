@@ -237,22 +237,20 @@ def test_a_path_cannot_break_its_line(host: HostOf) -> None:
 
 
 @pytest.mark.parametrize(
-    ("url", "token", "plain"),
+    ("url", "plain"),
     [
-        ("http://lab:9000", "t", True),
-        ("http://[::1]:9000", "t", True),
-        ("https://lab:9000", "t", False),
-        ("http://me:secret@lab:9000", "t", False),
-        ("http://lab:9000", "t\nX-Evil: 1", False),
-        ("http://lab:9000", "ä", False),
+        ("http://lab:9000", True),
+        ("http://[::1]:9000", True),
+        ("https://lab:9000", False),
+        ("http://me:secret@lab:9000", False),
     ],
 )
 def test_only_what_is_plain_goes_the_short_way(
-    url: str, token: str, plain: bool, monkeypatch: pytest.MonkeyPatch
+    url: str, plain: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("http_proxy", "all_proxy", "HTTP_PROXY", "ALL_PROXY"):
         monkeypatch.delenv(name, raising=False)
-    assert is_plain(httpx2.URL(url), token, direct=False) is plain
+    assert is_plain(httpx2.URL(url), direct=False) is plain
 
 
 @pytest.mark.parametrize("name", ["http_proxy", "HTTP_PROXY", "all_proxy"])
@@ -260,8 +258,8 @@ def test_a_proxy_is_asked_but_not_for_this_machine(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(name, "http://proxy:3128")
-    assert not is_plain(httpx2.URL("http://lab:9000"), "t", direct=False)
-    assert is_plain(httpx2.URL("http://127.0.0.1:9000"), "t", direct=True)
+    assert not is_plain(httpx2.URL("http://lab:9000"), direct=False)
+    assert is_plain(httpx2.URL("http://127.0.0.1:9000"), direct=True)
 
 
 @pytest.mark.parametrize("transport", [None, httpx2.HTTPTransport()])

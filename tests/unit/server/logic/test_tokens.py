@@ -26,7 +26,7 @@ READ, SUBMIT, WORK = ("read",), ("submit",), ("work",)
         ("POST", "/v1/results", WORK),
         ("GET", "/v1/leases/L", WORK),
         ("GET", "/openapi.json", SCOPES),
-        ("POST", "/v1/sign-in-codes", SCOPES),
+        ("POST", "/v1/sign-in-codes", ("read",)),
         ("GET", "/v1/studies", READ),
         ("HEAD", "/v1/studies/s", READ),
         ("OPTIONS", "/v1/studies/s", READ),

@@ -1,5 +1,6 @@
 """Silence of workers counts while somebody is there to hear them."""
 
+import resource
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy.engine import Engine
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.exc import DBAPIError, OperationalError
 
 from server.clocks import Forward
 from server.operations.fleet import leases
@@ -109,6 +110,41 @@ def test_silence_while_the_database_was_away_is_no_worker_s(
     assert (study.leased, study.failures) == (3, {})
 
 
+@contextmanager
+def full_disk(engine: Engine) -> Iterator[None]:
+    """No file of this process can grow beyond the log of SQLite until the block ends."""
+    log = Path(f"{engine.url.database}-wal")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (log.stat().st_size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize("kind", ["sqlite"])
+def test_silence_while_the_disk_was_full_is_no_worker_s(
+    engine: Engine, sweep: Sweep, ticks: Ticks
+) -> None:
+    lease = held(engine).lease
+
+    def renew() -> float:
+        sweep.catch_up()
+        return leases.renew(engine, lease.id, fence=lease.fence, now=ticks.now, ttl=TTL)
+
+    with full_disk(engine):
+        for _ in range(6):
+            ticks.now += TTL / 4.0
+            with pytest.raises(DBAPIError) as failed:
+                sweep()
+            assert is_away(failed.value)
+            with pytest.raises(DBAPIError) as failed:
+                renew()
+            assert is_away(failed.value)
+    assert renew() == ticks.now + TTL
+    assert sweep() == 0
+
+
 def test_a_short_delay_of_a_short_lease_is_no_absence(
     engine: Engine, sweep: Sweep, ticks: Ticks
 ) -> None:
@@ -133,9 +169,10 @@ def test_silence_while_somebody_kept_the_database_is_no_worker_s(
     engine: Engine, sweep: Sweep, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     @contextmanager
-    def waited(_: Engine) -> Iterator[None]:
+    def waited(engine: Engine) -> Iterator[Connection]:
         ticks.now += 2.0 * TTL
-        yield
+        with writing(engine) as connection:
+            yield connection
 
     ticks.now = TTL / 4.0
     monkeypatch.setattr(module, "writing", waited)

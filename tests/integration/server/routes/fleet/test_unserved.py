@@ -102,7 +102,7 @@ def test_whoever_starts_workers_is_told_what_those_of_a_group_may_not_have(
 
     nothing_known = {"waiting": 10, "under_way": 0, "unfit": 0, "why": ""}
     assert told() == nothing_known
-    for name in ("day_-1", "dayx-1", "day-1"):
+    for name in ("day_@1", "dayx@1", "day@1"):
         assert client.post("/v1/leases", json=asking(worker=of_group(name))).status_code == 409
     why = f"study {tagged['id']} is for workers tagged gpu (rehyb-worker --tags)"
     assert told() == {"waiting": 0, "under_way": 0, "unfit": 10, "why": why}
@@ -110,6 +110,17 @@ def test_whoever_starts_workers_is_told_what_those_of_a_group_may_not_have(
     assert client.get("/v1/work").json() == {"waiting": 10, "under_way": 0}
     clock.advance(900.0)
     assert told()["waiting"] == 1, "somebody may have mended it"
-    client.post("/v1/leases", json=asking(worker=of_group("day_-2", tags=["gpu"])))
+    client.post("/v1/leases", json=asking(worker=of_group("day_@2", tags=["gpu"])))
     assert told()["unfit"] == 0
     assert client.get("/v1/work?group=").status_code == 422
+
+
+@pytest.mark.parametrize("other", ["lab-2@pc7-1", "lab-7-4711", "LAB@pc7-1", "labs@pc7-1"])
+def test_a_group_is_not_answered_for_by_workers_of_another_that_is_called_much_the_same(
+    client: TestClient, other: str
+) -> None:
+    client.post("/v1/studies", json={**STUDY, "tags": ["gpu"]})
+    assert client.post("/v1/leases", json=asking(worker=of_group(other))).status_code == 409
+    assert client.get("/v1/work?group=lab").json()["unfit"] == 0
+    assert client.post("/v1/leases", json=asking(worker=of_group("lab@pc7-1"))).status_code == 409
+    assert client.get("/v1/work?group=lab").json()["unfit"] == 10
