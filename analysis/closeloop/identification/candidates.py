@@ -13,6 +13,7 @@ from analysis.closeloop.identification.balance.model import (
     Term,
     estimate_of,
     evaluate,
+    with_independent,
 )
 from analysis.closeloop.identification.balance.regression import (
     ROUNDING,
@@ -343,3 +344,20 @@ def _estimate_beside(model: Model, current: Score, own: Term | None) -> Estimate
         if own is not None and term.candidate is not None and term.candidate == own.candidate:
             part[:] = 0.0
     return estimate_of(model, coefficients)
+
+
+def with_law(
+    rest: Model, candidate: Candidate, theta: Theta, rows: Rows, joint: RecordedJoint
+) -> Model | None:
+    """Return a model with one law more; None if it adds nothing to what is there."""
+    columns = candidate.effect.columns(joint, theta)
+    term = Term(
+        effect=candidate.effect,
+        joint=candidate.joint,
+        columns=columns,
+        lower=lowest(rest, candidate),
+        theta=theta,
+        candidate=candidate,
+    )
+    model = with_independent(rest, term, rows)
+    return None if model is rest else model

@@ -39,8 +39,8 @@ from analysis.closeloop.identification.balance.regression import (
     compare,
     score,
 )
+from analysis.closeloop.identification.candidates import with_law
 from analysis.closeloop.identification.findings import Grown, Option, Step
-from analysis.closeloop.identification.growing.friction_laws import with_law
 from analysis.closeloop.identification.nameable import beyond_physics
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.friction import slowness

@@ -26,8 +26,7 @@ from analysis.closeloop.identification.balance.model import (
     unfitted,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
-from analysis.closeloop.identification.candidates import tried_alone
-from analysis.closeloop.identification.growing.friction_laws import with_law
+from analysis.closeloop.identification.candidates import tried_alone, with_law
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Effect, Theta

@@ -24,20 +24,18 @@ from analysis.closeloop.identification.balance.luck import (
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
-    Term,
     estimate_of,
     evaluate,
     kept_columns,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
-from analysis.closeloop.identification.candidates import has_ground
+from analysis.closeloop.identification.candidates import has_ground, with_law
 from analysis.closeloop.identification.findings import Grown, Option, Step
-from analysis.closeloop.identification.nameable import beyond_physics, lowest
+from analysis.closeloop.identification.nameable import beyond_physics
 from analysis.closeloop.identification.presliding import TURNS, winding_freely
 from analysis.closeloop.session.signals import rms
 from sim.effects.catalogue import EFFECTS
-from sim.effects.effect import Theta
 from sim.effects.motion import RecordedJoint
 
 
@@ -184,23 +182,6 @@ def _turned(models: Sequence[Model], joint: int, rows: Rows) -> tuple[Model, Mod
         scored = [(*fit, evaluate(fit[1], rows)) for fit in tried]
         best.append(min(scored, key=lambda fit: fit[2].sse))
     return min(best, key=lambda fit: fit[2].loss)
-
-
-def with_law(
-    rest: Model, candidate: Candidate, theta: Theta, rows: Rows, joint: RecordedJoint
-) -> Model | None:
-    """Return a model with one law more; None if it adds nothing to what is there."""
-    columns = candidate.effect.columns(joint, theta)
-    term = Term(
-        effect=candidate.effect,
-        joint=candidate.joint,
-        columns=columns,
-        lower=lowest(rest, candidate),
-        theta=theta,
-        candidate=candidate,
-    )
-    model = with_independent(rest, term, rows)
-    return None if model is rest else model
 
 
 def _turning_as_fits(law: Option, rest: Model, rows: Rows, joint: RecordedJoint) -> Model:
