@@ -46,7 +46,7 @@ def with_plain_friction(model: Model, rows: Rows) -> Model:
                 model = simpler
                 break
         else:
-            model = _without_offset(model, candidate, rows)
+            model = _without_twice(model, candidate, rows)
     return model
 
 
@@ -67,18 +67,23 @@ def _plainer(model: Model, candidate: Candidate, rows: Rows) -> Iterator[Model]:
             )
 
 
-def _without_offset(model: Model, candidate: Candidate, rows: Rows) -> Model:
-    """Return the model with the levels of a law that differ in the place of an offset.
+def _without_twice(model: Model, candidate: Candidate, rows: Rows) -> Model:
+    """Return the model without an offset or damping that an asymmetric law has in it.
 
-    Another level in each direction is an offset while the joint slides: one of the two is enough.
+    Another level in each direction is an offset while the joint slides, and their mean slope is
+    damping: one of the two is enough.
     """
-    offset = Candidate(effect=OFFSET, joint=candidate.joint)
-    if candidate.effect is not ASYMMETRIC or offset not in model.effects:
+    if candidate.effect is not ASYMMETRIC:
         return model
-    bare = model.without(candidate).without(offset)
-    alone = _alike(bare, candidate, _theta(model, candidate), rows)
-    lost, error = compare(evaluate(alone, rows).losses, evaluate(model, rows).losses)
-    return model if lost > error else alone
+    for effect in (OFFSET, PLAIN[0]):
+        other = Candidate(effect=effect, joint=candidate.joint)
+        if other not in model.effects:
+            continue
+        bare = model.without(candidate).without(other)
+        alone = _alike(bare, candidate, _theta(model, candidate), rows)
+        lost, error = compare(evaluate(alone, rows).losses, evaluate(model, rows).losses)
+        model = model if lost > error else alone
+    return model
 
 
 def _theta(model: Model, candidate: Candidate) -> Theta:

@@ -51,7 +51,8 @@ def with_each(model: Model, rows: Rows, *names: str) -> Model:
     return model
 
 
-def test_levels_that_differ_are_no_offset_besides() -> None:
+@pytest.mark.parametrize("other", ["torque_offset", "viscous_friction"])
+def test_levels_and_slopes_that_differ_are_no_offset_or_damping_besides(other: str) -> None:
     robot = moving()
     velocity = robot.velocity[:, JOINT]
     effort = np.array(robot.inverse)
@@ -60,7 +61,7 @@ def test_levels_that_differ_are_no_offset_besides() -> None:
     effort[:, JOINT] += np.where(velocity > 0, 0.35, 0.15) * velocity
     loud = measured(robot, effort)
     rows = select_rows(loud, (0,))
-    both = with_each(Model(loud), rows, "torque_offset", "asymmetric_friction")
+    both = with_each(Model(loud), rows, other, "asymmetric_friction")
     alone = with_plain_friction(both, rows)
     assert [c.effect.name for c in alone.effects] == ["asymmetric_friction"]
     # Mean and half difference of the levels.
