@@ -80,7 +80,7 @@ def check_frozen(trial: Trial, device: Device) -> None:
     """
     for joint in device.recorded_joints:
         position = trial.columns[f"{joint}.position"]
-        value, at = most_common(position)
+        value, at = _most_common(position)
         steps = np.abs(np.diff(position))
         # An encoder's last digits are no jump.
         jumps = 2.0 * steps.max(initial=0.0) > np.ptp(position) >= TRAVEL
@@ -93,7 +93,7 @@ def check_frozen(trial: Trial, device: Device) -> None:
             raise SessionError(why, file=trial.file, column=f"{joint}.position", line=line)
 
 
-def most_common(signal: np.ndarray) -> tuple[float, np.ndarray]:
+def _most_common(signal: np.ndarray) -> tuple[float, np.ndarray]:
     """Return the value that most samples of a signal have, and which do, (n,)."""
     values, counts = np.unique(signal, return_counts=True)
     value = float(values[np.argmax(counts)])
@@ -149,7 +149,7 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
             continue
         column = f"{joint}.effort"
         position = trial.columns[f"{joint}.position"]
-        value, at = most_common(effort)
+        value, at = _most_common(effort)
         mostly = np.mean(at) >= 1.0 - ODD_SHARE and np.ptp(position[at]) > MOVING
         if mostly or np.ptp(effort) <= 1e-12 * (1.0 + np.abs(effort).max()):
             why = f"is constant at {value:g} while {joint} moves; record the motor's torque"

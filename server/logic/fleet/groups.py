@@ -50,7 +50,7 @@ class Share:
     why: str = ""
 
 
-def pending(study: Study) -> int:
+def to_hand_out(study: Study) -> int:
     """Return how many instances of a study could be handed out now."""
     if study.state == StudyState.RUNNING:
         return study.pending

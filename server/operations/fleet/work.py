@@ -2,7 +2,7 @@
 
 from sqlalchemy.engine import Connection, Engine
 
-from server.logic.fleet.groups import LATEST, Share, Waiting, beginning, pending, share
+from server.logic.fleet.groups import LATEST, Share, Waiting, beginning, share, to_hand_out
 from server.records import Study
 from server.store import models
 from server.store.database.engine import reading
@@ -30,7 +30,7 @@ def work(engine: Engine, group: str | None, *, now: float) -> tuple[Share, int]:
 def _waiting(connection: Connection, study: Study, mine: str) -> Waiting:
     model = study.plan.model
     version = models.find(connection, model) if "@" in model else None
-    count = pending(study)
+    count = to_hand_out(study)
     # While a row is left to begin, which any machine may, the few begun ones say little.
     bound = 0 < study.returned == count
     return Waiting(

@@ -42,22 +42,13 @@ _ONE = _EVERY.where(studies.c.id == sa.bindparam("of_study"))
 # Without SKIP LOCKED: a worker that skipped the only study with work would leave without any.
 FIND, FIND_LOCKED = Prepared(_ONE), Prepared(_ONE.with_for_update())
 _TAKEN = studies.c.result_count + studies.c.leased
-_WORK = sa.select(
-    sa.func.sum(
-        sa.case(
-            (studies.c.state == StudyState.RUNNING, studies.c.instances - _TAKEN),
-            (studies.c.state == StudyState.DRAINING, studies.c.handed_out - _TAKEN),
-            else_=0,
-        )
-    ),
-    sa.func.sum(studies.c.leased),
+_WAITING = sa.case(
+    (studies.c.state == StudyState.RUNNING, studies.c.instances - _TAKEN),
+    (studies.c.state == StudyState.DRAINING, studies.c.handed_out - _TAKEN),
+    else_=0,
 )
-_SERVED = _EVERY.where(
-    sa.or_(
-        sa.and_(studies.c.state == StudyState.RUNNING, studies.c.instances > _TAKEN),
-        sa.and_(studies.c.state == StudyState.DRAINING, studies.c.handed_out > _TAKEN),
-    )
-)
+_WORK = sa.select(sa.func.sum(_WAITING), sa.func.sum(studies.c.leased))
+_SERVED = _EVERY.where(_WAITING > 0)
 _ONE_TO_SAVE = sa.update(studies).where(studies.c.id == sa.bindparam("of_study"))
 _SAVE = Prepared(_ONE_TO_SAVE, "of_study", "rows", "instances", *_COURSE)
 _SAVE_COUNTS = Prepared(_ONE_TO_SAVE, "of_study", *_COUNTS)

@@ -59,12 +59,10 @@ def _plainer(model: Model, candidate: Candidate, rows: Rows) -> Iterator[Model]:
     bare, joint = model.without(candidate), candidate.joint
     yield _with(bare, rows, joint, PLAIN)
     included = [BY_NAME[name] for name in candidate.effect.includes]
-    for effect in sorted(included, key=lambda law: law.complexity):
-        if effect not in PLAIN:
-            damped = _with(bare, rows, joint, PLAIN[:1])
-            yield _alike(
-                damped, Candidate(effect=effect, joint=joint), _theta(model, candidate), rows
-            )
+    between = sorted((law for law in included if law not in PLAIN), key=lambda law: law.complexity)
+    damped = _with(bare, rows, joint, PLAIN[:1]) if between else bare
+    for law in between:
+        yield _alike(damped, Candidate(effect=law, joint=joint), _theta(model, candidate), rows)
 
 
 def _without_twice(model: Model, candidate: Candidate, rows: Rows) -> Model:

@@ -161,12 +161,8 @@ def _laws(rest: Model, found: Candidate, rows: Rows, joint: RecordedJoint) -> It
             continue
         if not has_ground(candidate, present):
             continue
-        fitted = []
-        for theta in effect.thetas(joint):
-            model = with_law(rest, candidate, theta, rows, joint)
-            if model is None:
-                continue
-            fitted.append(model)
+        tried = (with_law(rest, candidate, theta, rows, joint) for theta in effect.thetas(joint))
+        fitted = [model for model in tried if model is not None]
         if not fitted:
             continue
         model, _, score = _turned(fitted, found.joint, rows)

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from server.logic.fleet.groups import LOOK_AGAIN_SECONDS, Share, Waiting, pending, share
+from server.logic.fleet.groups import LOOK_AGAIN_SECONDS, Share, Waiting, share, to_hand_out
 from server.logic.fleet.hosts import host_class
 from server.records import Study, Worker
 from server.states import StudyState
@@ -111,4 +111,4 @@ def test_the_reasons_of_the_studies_with_most_instances_are_told() -> None:
 )
 def test_what_waits_of_a_study_is_what_would_be_handed_out(state: Any, expected: int) -> None:
     assert plan().instances == 8
-    assert pending(study(state=state, handed_out=5, leased=1, result_count=2)) == expected
+    assert to_hand_out(study(state=state, handed_out=5, leased=1, result_count=2)) == expected

@@ -11,7 +11,8 @@ from analysis.closeloop.identification.arms.plain_friction import (
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.candidates import tried_alone
-from sim.effects.catalogue import BY_NAME
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME, EFFECTS
 from tests.testbed.sessions.coupled import measured, moving
 
 JOINT = 1
@@ -42,6 +43,16 @@ def test_two_equal_levels_are_coulomb_and_viscous_friction(
     assert {(c.effect.name, c.joint) for c in plain.effects} == {(name, JOINT) for name in kept}
 
 
+def peaked() -> tuple[Recording, Rows]:
+    """A robot with friction of 0.3 Nm, 0.4 more when slow, and damping of 0.25 Nm s/rad."""
+    robot = moving()
+    velocity = robot.velocity
+    level = 0.3 + 0.4 * np.exp(-((velocity / 0.8) ** 2))
+    effort = robot.inverse + level * np.tanh(velocity / 0.02) + 0.25 * velocity
+    loud = measured(robot, effort, noise=0.02)
+    return loud, select_rows(loud, (0,))
+
+
 def with_each(model: Model, rows: Rows, *names: str) -> Model:
     """The model with effects at the joint, found one after the other."""
     for name in names:
@@ -70,12 +81,7 @@ def test_levels_and_slopes_that_differ_are_no_offset_or_damping_besides(other: s
 
 
 def test_friction_that_is_larger_when_slow_and_knows_no_load_goes_by_the_speed_alone() -> None:
-    robot = moving()
-    velocity = robot.velocity
-    peaked = 0.3 + 0.4 * np.exp(-((velocity / 0.8) ** 2))
-    effort = robot.inverse + peaked * np.tanh(velocity / 0.02) + 0.25 * velocity
-    loud = measured(robot, effort, noise=0.02)
-    rows = select_rows(loud, (0,))
+    loud, rows = peaked()
     loaded = with_each(Model(loud), rows, "viscous_friction", "stribeck_load_friction")
     plainer = with_plain_friction(loaded, rows)
     assert {c.effect.name for c in plainer.effects} == {"viscous_friction", "stribeck_friction"}
@@ -83,12 +89,7 @@ def test_friction_that_is_larger_when_slow_and_knows_no_load_goes_by_the_speed_a
 
 def test_a_peak_at_low_speed_and_damping_that_hide_each_other_are_asked_together() -> None:
     """Slow ramps of an opponent's arms: neither was missed alone, and Coulomb friction stayed."""
-    robot = moving()
-    velocity = robot.velocity
-    peaked = 0.3 + 0.4 * np.exp(-((velocity / 0.8) ** 2))
-    effort = robot.inverse + peaked * np.tanh(velocity / 0.02) + 0.25 * velocity
-    loud = measured(robot, effort, noise=0.02)
-    rows = select_rows(loud, (0,))
+    loud, rows = peaked()
     coulomb = Candidate(effect=BY_NAME["coulomb_friction"], joint=JOINT)
     found = tried_alone(Model(loud), rows, coulomb)
     assert found is not None
@@ -112,3 +113,10 @@ def test_where_there_is_no_peak_friction_stays_plain() -> None:
     model = with_ordinary(Model(loud), rows)
     again = with_peaked_friction(model, rows)
     assert {c.key for c in again.effects} == {c.key for c in model.effects}
+
+
+def test_a_law_of_friction_has_the_parameters_of_every_law_that_may_take_its_place() -> None:
+    for law in (effect for effect in EFFECTS if effect.rubs):
+        own = {parameter.name for parameter in law.nonlinear}
+        for name in law.includes:
+            assert own.issuperset(parameter.name for parameter in BY_NAME[name].nonlinear)
