@@ -1,8 +1,8 @@
 """Trace a residual to effects, each because it predicts trials that it was not fitted to.
 
-Of a single joint or a limb they are added one at a time, until nothing is worth adding; a robot of
-several joints is traced as a whole (`robot`). A name is given only if these trials can tell it from
-what is declared, and only if it explains most of what is explainable at all.
+Of a limb they are added one at a time, until nothing is worth adding; a robot is traced as a whole,
+be it of one joint (`robot`). A name is given only if these trials can tell it from what is
+declared, and only if it explains most of what is explainable at all.
 """
 
 from collections.abc import Callable
@@ -14,19 +14,14 @@ from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.arms.at_turns import with_peak_at_turns
 from analysis.closeloop.identification.arms.breakaway import with_breakaway
 from analysis.closeloop.identification.arms.explainable import explainable_by_joint
-from analysis.closeloop.identification.arms.gains import gain_or_payload, untold_gain
+from analysis.closeloop.identification.arms.gains import untold_gain
 from analysis.closeloop.identification.arms.holdouts import not_worse
 from analysis.closeloop.identification.arms.motors import untold_motors
-from analysis.closeloop.identification.arms.robot import (
-    completed,
-    plainly,
-    traced_robot,
-    weighed,
-)
+from analysis.closeloop.identification.arms.robot import traced_robot, weighed
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.identification.balance.model import Model, evaluate
-from analysis.closeloop.identification.balance.regression import Rows, compare, select_rows
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Grown, Option, Step, Trace
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
@@ -46,7 +41,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     rows = select_rows(recording, recording.fit_trials)
     declared = declared_model(recording, rows)
     limbs = set(recording.limbs).intersection(recording.joints)
-    if len(recording.joints) > 1 and not limbs:
+    if not limbs:
         return _robot(declared, rows, progress)
     progress("what splines can explain")
     rows = rows.reweighted(explainable(declared, rows).noise)
@@ -76,14 +71,9 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         )
     grown = regrown(grown, declared, rows, before, progress)
     grown = with_wound_laws(grown, rows)
-    if grown.steps and not limbs:
-        grown = plainly(completed(grown, rows, before), rows)
-    grown, held = (grown, ()) if limbs else with_breakaway(grown, rows)
     grown, refusals = held_in_octaves(grown, rows)
     grown, unsure = determined(grown, rows)
     grown, notes = not_worse(grown, declared, rows)
-    if not limbs:
-        grown = _with_twins(grown, rows)
     if grown.steps:
         beyond = explainable(grown.model, rows)
     found = replace(
@@ -92,7 +82,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         score=grown.score,
         steps=grown.steps,
         explainable_after=beyond,
-        notes=(*held, *refusals, *unsure, *notes),
+        notes=(*refusals, *unsure, *notes),
     )
     return _with_rests(_judged(found))
 
@@ -135,20 +125,6 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
             )
         )
     )
-
-
-def _with_twins(grown: Grown, rows: Rows) -> Grown:
-    """Say of a gain and of a payload that the other one does as well, if it does in the end."""
-    steps = []
-    for step in grown.steps:
-        rest = grown.model.without(step.taken.candidate)
-        gain, error = compare(evaluate(rest, rows).losses, grown.score.losses)
-        taken = replace(step.taken, model=grown.model, score=grown.score, gain=gain, z=gain / error)
-        there = {option.candidate.key for option in step.equals}
-        twins = gain_or_payload(taken, rest, rows)
-        twins = tuple(twin for twin in twins if twin.candidate.key not in there)
-        steps.append(replace(step, equals=(*step.equals, *twins)))
-    return replace(grown, steps=tuple(steps))
 
 
 def _with_rests(found: Trace) -> Trace:

@@ -92,7 +92,8 @@ def _instead(model: Model, rows: Rows, gone: list[Candidate], gain: Candidate) -
 def alike(option: Option, rest: Model, rows: Rows) -> tuple[Option, ...]:
     """Return inertia in the place of a gain, or a gain in that of inertia, if it does as well.
 
-    Of a joint that moves in one direction only, an offset in the place of friction, too.
+    Of a joint that moves in one direction only, an offset in the place of friction, too; of a
+    robot's one joint, a gain in that of a payload, or a payload in a gain's.
 
     Args:
         option: what was found.
@@ -102,7 +103,8 @@ def alike(option: Option, rest: Model, rows: Rows) -> tuple[Option, ...]:
     twins = {GAIN: INERTIA, INERTIA: GAIN}
     if one_way(rows, option.candidate.joint):
         twins |= {COULOMB: OFFSET}
-    return _as_well(option, twins.get(option.candidate.effect), rest, rows)
+    found = _as_well(option, twins.get(option.candidate.effect), rest, rows)
+    return (*found, *gain_or_payload(option, rest, rows)) if len(rows.joints) == 1 else found
 
 
 def gain_or_payload(option: Option, rest: Model, rows: Rows) -> tuple[Option, ...]:

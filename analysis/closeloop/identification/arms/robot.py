@@ -28,7 +28,7 @@ from analysis.closeloop.identification.arms.gains import alike, with_gains
 from analysis.closeloop.identification.arms.hidden import beside_friction
 from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.motors import with_other_joints
-from analysis.closeloop.identification.arms.ordinary import ORDINARY, with_ordinary
+from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.plain_friction import (
     with_peaked_friction,
     with_plain_friction,
@@ -156,26 +156,6 @@ def weighed_by(model: Model, rows: Rows) -> Rows:
     return rows
 
 
-def completed(grown: Grown, rows: Rows, before: Score) -> Grown:
-    """Add what every joint may have and left-out groups miss, beside effects found before.
-
-    Viscous friction beside Coulomb friction is no rare effect: it need not gain as much as one.
-    """
-    tried = [c for c in candidates(rows.recording) if c.effect.name in ORDINARY]
-    while True:
-        more, _ = grow(grown, rows, before, lambda _: None, tried)
-        if len(more.steps) <= len(grown.steps):
-            return grown
-        grown = more
-
-
-def plainly(grown: Grown, rows: Rows) -> Grown:
-    """Return what was found with plain friction where nothing shows a richer one, or a peak."""
-    model = with_plain_friction(with_peaked_friction(grown.model, rows), rows)
-    same = model is grown.model
-    return grown if same else _grown(model, rows, {step.key: step for step in grown.steps})
-
-
 def pruned(model: Model, rows: Rows, links: Links) -> Model:
     """Take out the effects that left-out groups do not miss; links are fitted anew each time.
 
@@ -293,5 +273,7 @@ def _steps(
         option = Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
         before = float(without.losses[own].sum())
         found = rare.get(candidate.key, _step(option, before))
-        equals = (*found.equals, *alike(option, rest, rows))
-        yield replace(found, taken=option, before=before, equals=equals)
+        equals = {
+            other.candidate.key: other for other in (*found.equals, *alike(option, rest, rows))
+        }
+        yield replace(found, taken=option, before=before, equals=tuple(equals.values()))

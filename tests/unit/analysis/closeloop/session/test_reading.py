@@ -131,6 +131,16 @@ def test_the_velocity_of_a_held_joint_whose_encoder_trembles_is_no_fault(folder:
     load_session(folder.write())
 
 
+def test_a_robots_filter_may_take_half_of_how_a_held_joint_shakes(folder: Folder) -> None:
+    """Of the unkind bench (4633, 4676): a clock is judged where a joint goes somewhere."""
+    time = folder.table[:, 0]
+    folder.table[:, 1] += 0.01 * np.sin(2.0 * np.pi * 4.0 * time)
+    folder.header += ",shoulder.velocity"
+    velocity = 0.5 * np.gradient(folder.table[:, 1], time)
+    folder.table = np.column_stack([folder.table, velocity])
+    load_session(folder.write())
+
+
 def test_a_velocity_of_the_other_sign_is_refused(folder: Folder) -> None:
     folder.table[:, 3] *= -1
     error = refusal(folder)
