@@ -136,22 +136,29 @@ def _with_simpler(grown: Grown, gone: Candidate, rows: Rows) -> Grown:
 
     That nobody can tell what a joint's friction goes with is no reason to leave it without any.
     """
-    own = rows.joint_of_block == gone.joint
-    worse = grown.score.losses[own]
     for name in gone.effect.includes:
-        simple = Candidate(effect=BY_NAME[name], joint=gone.joint)
-        there = {candidate.key for candidate in grown.model.effects}
-        found = None if simple.key in there else tried_alone(grown.model, rows, simple)
-        if found is None:
-            continue
-        model, score = found
-        gain, error = compare(worse, score.losses[own])
-        sure = more_than_luck(worse, score.losses[own], rows.fold_of_block[own], ALONE_Z)
-        if sure and gain > MIN_GAIN * float(worse.sum()):
-            taken = Option(candidate=simple, model=model, score=score, gain=gain, z=gain / error)
-            step = Step(taken=taken, equals=(), options=(), before=float(worse.sum()))
-            return Grown(model, score, (*grown.steps, step))
+        more = with_missed(grown, Candidate(effect=BY_NAME[name], joint=gone.joint), rows)
+        if more is not grown:
+            return more
     return grown
+
+
+def with_missed(grown: Grown, candidate: Candidate, rows: Rows) -> Grown:
+    """Add an effect if left-out rows of its joint miss it by more than luck; else as it was."""
+    known = grown.model.declared | {other.key for other in grown.model.effects}
+    found = None if candidate.key in known else tried_alone(grown.model, rows, candidate)
+    if found is None:
+        return grown
+    model, score = found
+    own = rows.joint_of_block == candidate.joint
+    worse, better = grown.score.losses[own], score.losses[own]
+    gain, error = compare(worse, better)
+    sure = more_than_luck(worse, better, rows.fold_of_block[own], ALONE_Z)
+    if not sure or gain <= MIN_GAIN * float(worse.sum()):
+        return grown
+    taken = Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
+    step = Step(taken=taken, equals=(), options=(), before=float(worse.sum()))
+    return Grown(model, score, (*grown.steps, step))
 
 
 def _rubs_besides(grown: Grown, step: Step) -> bool:

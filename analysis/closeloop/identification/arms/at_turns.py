@@ -41,12 +41,14 @@ from analysis.closeloop.identification.balance.regression import (
 )
 from analysis.closeloop.identification.candidates import with_law
 from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.identification.holding import with_missed
 from analysis.closeloop.identification.nameable import beyond_physics
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.friction import slowness
 from sim.effects.motion import PRESLIDING_SHARE, RecordedJoint
 
 STRIBECK, COULOMB = BY_NAME["stribeck_friction"], BY_NAME["coulomb_friction"]
+VISCOUS = BY_NAME["viscous_friction"]
 #: Speeds at which the excess may be lost, over the top speed.
 SPEEDS = np.geomspace(0.01, 0.4, 12)
 #: Ways over which a bristle bends, over the longest that is presliding, and how: as a spring that
@@ -102,7 +104,8 @@ def with_peak_at_turns(
         shown = with_turns(rows, every, (*known, joint))
         changed = _with_excess(grown, shown, joint, peak)
         if changed is not None:
-            grown, known = changed, (*known, joint)
+            grown = with_missed(changed, Candidate(effect=VISCOUS, joint=joint), shown)
+            known = (*known, joint)
             unit = "rad" if rows.recording.is_hinge(joint) else "m"
             notes += (NOTE.format(rows.recording.name(joint), peak.way, unit),)
     return grown, with_turns(rows, every, known) if known else rows, notes
@@ -131,10 +134,10 @@ def _peak(grown: Grown, rows: Rows, joint: int) -> Peak | None:
     beside = any(t.effect is MOTOR and joint in t.columns for t in grown.model.terms)
     if rubbing != [coulomb] or beside or rows.recording.device.friction[joint]:
         return None
-    rest = model.without(coulomb)
+    recorded = unfitted(rows.recording, joint)
+    rest = _damped(model.without(coulomb), rows, joint)
     base, lower = rest.base(rows)
     target = rest.target(rows)
-    recorded = unfitted(rows.recording, joint)
 
     def fitted(variants: list[Variant]) -> Score:
         return score(rows, target, base, lower, variants, (0.0,))
@@ -155,6 +158,12 @@ def _peak(grown: Grown, rows: Rows, joint: int) -> Peak | None:
     bends = [(about["way"] * float((WAYS[1] / WAYS[0]) ** by), about["exponent"]) for by in FINER]
     speeds = about["speed"] * (SPEEDS[1] / SPEEDS[0]) ** FINER
     return Peak(plain, fitted(_variants(rest, rows, recorded, bends, speeds)[1]))
+
+
+def _damped(model: Model, rows: Rows, joint: int) -> Model:
+    """Return the model with damping, which a level between slow and fast may have hidden."""
+    columns = VISCOUS.columns(unfitted(rows.recording, joint), {})
+    return with_independent(model, Term(joint=joint, columns=columns), rows)
 
 
 def _variants(
@@ -236,6 +245,7 @@ def _slides(model: Model, candidate: Candidate, rows: Rows) -> bool:
     Else it is of the winding's form, which no bristle here has quite.
     """
     joint = candidate.joint
+    model = _damped(model, rows, joint)
     (law,) = [term for term in model.terms if term.candidate == candidate]
     level = replace(law, columns={joint: law.columns[joint][:, :1]}, kept=(0,))
     without = replace(model, terms=tuple(level if term is law else term for term in model.terms))

@@ -38,18 +38,19 @@ def rubbed(
     ways: tuple[float, ...] = (WAY,),
     late: float = 0.0,
     smoothed: float = 0.0,
+    damping: float = 0.0,
 ) -> Recording:
     """The arm with friction of bristles at its elbow, which may be larger when slow, Nm.
 
     They may be of several ways and turn late, s, and smoothing may have taken an inertia's torque
-    where the acceleration is largest, kg m2.
+    where the acceleration is largest, kg m2. The joint may be damped, too, Nm s/rad.
     """
     joint = unfitted(arm, ELBOW)
     slow = np.exp(-((joint.velocity / SPEED) ** 2))
     bent = np.mean([joint.wound(way) for way in ways], axis=0)
     effort = np.array(arm.inverse)
     effort[:, [ELBOW]] += arm.shifted(((FRICTION + excess * slow) * bent)[:, None], -late)
-    effort[:, ELBOW] += smoothed * slow * joint.acceleration
+    effort[:, ELBOW] += smoothed * slow * joint.acceleration + damping * joint.velocity
     effort += NOISE * np.random.default_rng(4).standard_normal(effort.shape)
     return replace(arm, effort=arm.filtered(effort), cache={})
 
@@ -97,6 +98,21 @@ def test_an_excess_that_only_turns_show_is_stribeck_friction_of_its_size(arm: Re
     assert found["stribeck_velocity"] == pytest.approx(SPEED, rel=0.03)
     assert "where it turns, friction winds up over 0.00079 rad" in notes[0]
     assert grown.score.loss == pytest.approx(evaluate(grown.model, rows).loss)
+
+
+def test_damping_that_a_level_between_slow_and_fast_hid_is_found_beside_it(arm: Recording) -> None:
+    grown, _, _ = traced(rubbed(arm, EXCESS, damping=0.1))
+    names = [candidate.effect.name for candidate in grown.model.effects]
+    assert (
+        names == [step.key[0] for step in grown.steps] == ["stribeck_friction", "viscous_friction"]
+    )
+    sizes = {
+        t.candidate.effect.name: own
+        for t, own in grown.model.split(grown.score.coefficients)
+        if t.candidate
+    }
+    assert sizes["viscous_friction"] == pytest.approx([0.1], rel=0.1)
+    assert sizes["stribeck_friction"] == pytest.approx([FRICTION, EXCESS], rel=0.1)
 
 
 def test_what_it_is_fitted_beside_predicts_the_turns_themselves(arm: Recording) -> None:
