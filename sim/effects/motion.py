@@ -159,6 +159,9 @@ class RecordedJoint:
     smooth: float = 0.0
     #: Torque that the joint carries, with its sign.
     load: Signal = 0.0
+    #: Direction of a friction that winds up before it slides, -1 to 1, (n,); None if it turns with
+    #: the velocity.
+    winding: np.ndarray | None = None
 
     @property
     def position(self) -> np.ndarray:
@@ -184,6 +187,8 @@ class RecordedJoint:
 
     @cached_property
     def direction(self) -> np.ndarray:
+        if self.winding is not None:
+            return self.winding
         return np.asarray(np.tanh(self.velocity / self.turning_speed))
 
     @property
@@ -206,6 +211,10 @@ class RecordedJoint:
     def wound(self, distance: float, exponent: float = 1.0) -> np.ndarray:
         """Return how far what gives way before the joint slides is wound, (n,); see `wound`."""
         return wound(self.position, self.recording.slices, distance, exponent)
+
+    def bent(self, distance: float, levels: np.ndarray) -> np.ndarray:
+        """Return how far bristles of constant stiffness are bent, (n,); see `bristles`."""
+        return bristles(self.position, self.recording.slices, distance, levels)
 
     @property
     def weight(self) -> np.ndarray:
@@ -317,6 +326,33 @@ def wound(
             state = way + (state - way) * share
         out[piece] = sign + (np.repeat(states, lengths) - sign) * left
     return out
+
+
+def bristles(
+    position: np.ndarray, slices: Sequence[slice], distance: float, levels: np.ndarray
+) -> np.ndarray:
+    """Return how far bristles of constant stiffness are bent, over what they slide with, (n,).
+
+    The higher the level, the longer the way (LuGre; Canudas de Wit, Olsson, Astrom and Lischinsky
+    1995).
+
+    Args:
+        position: of what slides, rad or m, (n,).
+        slices: pieces without a gap.
+        distance: over which most of a level of one is built up, rad or m.
+        levels: that they slide with at each sample, above 0, (n,).
+    """
+    out = np.zeros(len(position))
+    for piece in slices:
+        ways = np.diff(position[piece], prepend=position[piece][0])
+        ends = np.sign(ways) * levels[piece]
+        shares = np.exp(-np.abs(ways) / (distance * levels[piece]))
+        bent, states = 0.0, []
+        for end, share in zip(ends.tolist(), shares.tolist(), strict=True):
+            bent = end + (bent - end) * share
+            states.append(bent)
+        out[piece] = states
+    return np.asarray(out / levels)
 
 
 def travel(position: np.ndarray) -> tuple[float, float]:

@@ -82,6 +82,8 @@ class Nonlinear:
     #: Step that shows the slope over it; None for a choice, or what shifts with the estimate: they
     #: have no interval.
     step: tuple[float, float] | None = None
+    #: Value that is given, and no estimate, where the trials tell no other.
+    usual: float | None = None
 
     def near(self, value: float, scale: float) -> list[float]:
         """Return values around `value`; `scale` shrinks from 1 towards zero."""

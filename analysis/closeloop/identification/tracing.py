@@ -13,6 +13,7 @@ import numpy as np
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.arms.at_turns import with_peak_at_turns
 from analysis.closeloop.identification.arms.breakaway import with_breakaway
+from analysis.closeloop.identification.arms.excess import with_settled_excess
 from analysis.closeloop.identification.arms.explainable import explainable_by_joint
 from analysis.closeloop.identification.arms.gains import untold_gain
 from analysis.closeloop.identification.arms.holdouts import not_worse
@@ -90,7 +91,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
 def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trace:
     """Find what the declared model of a device without a limb lacks."""
     every, rows = rows, weighed(declared, rows)
-    grown = traced_robot(declared, rows, progress)
+    grown = with_settled_excess(traced_robot(declared, rows, progress), rows)
     grown, rows, turned = with_peak_at_turns(grown, rows, every)
     before = evaluate(declared, rows)
     grown, held = with_breakaway(grown, rows)

@@ -36,6 +36,13 @@ COARSE = Nonlinear("smooth", (0.004, 0.02))
 #: Speed at which friction loses what it has more when slow, over the top speed. The least was added
 #: for an arm of the unkind bench (seed 902).
 SPEED = Nonlinear("speed", (0.015, 0.03, 0.06, 0.12, 0.24, 0.4), scaling=0.4, step=RELATIVE)
+#: Power of the speed that it falls by. Gaussian and exponential peaks, and powers of 0.5 to 1, are
+#: all in use (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.1).
+GAUSSIAN = 2.0
+POWER = Nonlinear("power", (GAUSSIAN,), step=RELATIVE, usual=GAUSSIAN)
+EXPONENT = Parameter(
+    "1", "its power; 2 unless told", 0.5, 2.0, neutral=GAUSSIAN, floor=0.3, ceiling=4.0
+)
 
 #: Waves of friction over the range of motion; of none a parabola is left.
 WAVES = Nonlinear("waves", (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), scaling=0.2, step=RELATIVE)
@@ -43,7 +50,16 @@ WAVES = Nonlinear("waves", (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), scaling=0.2, ste
 
 def slowness(parameters: Values, motion: Motion) -> Signal:
     """Return 1 at rest and 0 when fast, as Stribeck friction falls."""
-    return exp(-((motion.velocity / parameters["stribeck_velocity"]) ** 2))
+    speed = magnitude(motion.velocity) / parameters["stribeck_velocity"]
+    return exp(-(speed ** parameters["stribeck_exponent"]))
+
+
+def lost(joint: RecordedJoint, theta: Theta) -> Values:
+    """Return the speed at which an excess is lost and its power, from a fit's."""
+    return {
+        "stribeck_velocity": theta["speed"] * joint.top_speed,
+        "stribeck_exponent": theta["power"],
+    }
 
 
 class Friction(Law):
@@ -107,7 +123,12 @@ class Viscous(Law):
 
 
 class Stribeck(Friction):
-    """Coulomb friction that is higher when slow: (F + dF exp(-(v / vs)^2)) sign(v)."""
+    """Coulomb friction that is higher when slow: (F + dF exp(-|v / vs|^p)) sign(v).
+
+    Where a fit has found over which way it winds up before it slides (`way`, rad or m, in its
+    parameters, with the `exponent` of `motion.wound` and what there is more when slow over the
+    level, `ratio`), its bristles' state stands for the sign (`motion.bristles`).
+    """
 
     name = "stribeck_friction"
     complexity = 3
@@ -120,13 +141,23 @@ class Stribeck(Friction):
         stribeck_velocity=Parameter(
             "rad/s", "speed at which the excess is lost", 0.02, 0.5, neutral=0.1, floor=1e-3
         ),
+        stribeck_exponent=EXPONENT,
     )
     coefficients = ("torque", "breakaway_excess")
-    nonlinear = (replace(SMOOTH, grid=COARSE.grid), SPEED)
+    nonlinear = (replace(SMOOTH, grid=COARSE.grid), SPEED, POWER)
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         excess = parameters["breakaway_excess"] * slowness(parameters, motion)
         return parameters["torque"] + excess
+
+    def motion(self, joint: RecordedJoint, theta: Theta) -> RecordedJoint:
+        motion = super().motion(joint, theta)
+        if "way" not in theta:
+            return motion
+        if not theta["exponent"]:
+            return replace(motion, winding=joint.wound(theta["way"], 0.0))
+        levels = 1.0 + theta["ratio"] * np.asarray(slowness(self.fixed(joint, theta), joint))
+        return replace(motion, winding=joint.bent(theta["way"], levels))
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         return [t for t in super().thetas(joint) if t["speed"] > 2 * t["smooth"]]
@@ -137,7 +168,7 @@ class Stribeck(Friction):
         return sorted(found, key=lambda near: near["speed"] == theta["speed"])
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        return {"stribeck_velocity": theta["speed"] * joint.top_speed}
+        return lost(joint, theta)
 
 
 class Asymmetric(Friction):

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.effects.effect import Theta
 from sim.effects.functions import Signal, choose, magnitude
-from sim.effects.laws.friction import COARSE, SPEED, Friction, slowness
+from sim.effects.laws.friction import COARSE, EXPONENT, POWER, SPEED, Friction, lost, slowness
 from sim.effects.motion import Motion, RecordedJoint
 from sim.effects.parameter import Nonlinear, Parameter, Values, named, size
 
@@ -70,7 +70,7 @@ class LoadDependent(Loaded):
 class StribeckLoad(Loaded):
     """Load and Stribeck together (M4): both levels grow with the load.
 
-    (F + mu |load| + (dF + dmu |load|) exp(-(v / vs)^2)) sign(v).
+    (F + mu |load| + (dF + dmu |load|) exp(-|v / vs|^p)) sign(v).
     """
 
     name = "stribeck_load_friction"
@@ -87,11 +87,13 @@ class StribeckLoad(Loaded):
         stribeck_velocity=Parameter(
             "rad/s", "speed at which the excess is lost", neutral=0.1, floor=1e-3
         ),
+        stribeck_exponent=EXPONENT,
     )
     coefficients = ("torque", "load_share", "breakaway_excess", "slow_load_share")
     nonlinear = (
         COARSE,
         SPEED,
+        POWER,
         Nonlinear("load", (0, 1)),
     )
 
@@ -102,7 +104,7 @@ class StribeckLoad(Loaded):
         return fast + excess * slowness(parameters, motion)
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        return {"stribeck_velocity": theta["speed"] * joint.top_speed}
+        return lost(joint, theta)
 
 
 class DirectionalLoad(Loaded):

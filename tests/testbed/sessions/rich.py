@@ -20,11 +20,11 @@ ELBOW = 1
 TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     "coulomb_friction": ({"smooth": 0.02}, (0.8,)),
     "viscous_friction": ({}, (0.5,)),
-    "stribeck_friction": ({"smooth": 0.004, "speed": 0.24}, (0.6, 0.9)),
+    "stribeck_friction": ({"smooth": 0.004, "speed": 0.24, "power": 2.0}, (0.6, 0.9)),
     "asymmetric_friction": ({"smooth": 0.004, "viscous": 1.0}, (0.9, 0.3, 0.1, 0.4)),
     "load_dependent_friction": ({"smooth": 0.004, "load": 0}, (0.3, 0.2)),
     "stribeck_load_friction": (
-        {"smooth": 0.004, "speed": 0.24, "load": 0},
+        {"smooth": 0.004, "speed": 0.24, "power": 2.0, "load": 0},
         (0.3, 0.1, 0.4, 0.1),
     ),
     "directional_load_friction": ({"smooth": 0.004, "load": 0}, (0.3, 0.3, 0.15)),

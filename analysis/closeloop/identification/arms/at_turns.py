@@ -10,13 +10,15 @@ control of systems with friction): one way, and the excess comes on both sides o
 bristles leave something only after it.
 """
 
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from analysis.closeloop.identification.arms.motors import MOTOR
+from analysis.closeloop.identification.arms.settling import BEGUN, POWERS, settled
+from analysis.closeloop.identification.arms.settling import SPEEDS as LOST
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
     LARGE_GAIN,
@@ -44,7 +46,8 @@ from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.holding import with_missed
 from analysis.closeloop.identification.nameable import beyond_physics
 from sim.effects.catalogue import BY_NAME
-from sim.effects.laws.friction import slowness
+from sim.effects.effect import Theta
+from sim.effects.laws.friction import GAUSSIAN, slowness
 from sim.effects.motion import PRESLIDING_SHARE, RecordedJoint
 
 STRIBECK, COULOMB = BY_NAME["stribeck_friction"], BY_NAME["coulomb_friction"]
@@ -55,10 +58,12 @@ SPEEDS = np.geomspace(0.01, 0.4, 12)
 #: then yields, or less and less (Dahl 1968). (Ways an octave apart gave two of four
 #: arms of an opponent an excess a quarter too large: a third of one was set while looking at them.)
 WAYS, EXPONENTS = np.geomspace(1.0 / 64.0, 1.0, 19), (1.0, 0.0)
-#: Steps from the best speed, and from the best way, at which both are asked once more. (That they
-#: are was set while looking at eight arms of an opponent; how finely, at an elbow of ours, of whose
-#: excess a quarter of a step left a tenth.)
-FINER = np.linspace(-0.9, 0.9, 13)
+#: How a bristle's way goes with the level, as above; and with it, where its stiffness is constant.
+FORMS: tuple[Theta, ...] = ({"exponent": 0.0, "ratio": 0.0}, {"exponent": 1.0, "ratio": 0.5})
+#: Least and most of what there is more when slow, over the level.
+RATIOS = (0.02, 5.0)
+#: Steps that show what another way, or ratio, would do.
+STEP = 2.0**0.25
 NOTE = (
     "stribeck_friction of {}: where it turns, friction winds up over {:.2g} {} and is larger when "
     "slow; what is fitted beside it allows for the winding, model_after.xml does not"
@@ -71,17 +76,23 @@ class Peak:
 
     plain: Score
     peaked: Score
+    #: Non-linear parameters that it was shown with, of those that were asked first.
+    shown: Theta
+    #: What it was found in the place of.
+    replaced: Candidate
 
     @property
-    def way(self) -> float:
-        """Over which it winds up, rad or m."""
-        return self.peaked.variant.theta["way"]
+    def theta(self) -> Theta:
+        """Its non-linear parameters."""
+        return self.peaked.variant.theta
 
 
 def with_peak_at_turns(
     grown: Grown, rows: Rows, every: Rows
 ) -> tuple[Grown, Rows, tuple[str, ...]]:
     """Put Stribeck friction in the place of Coulomb's where a joint's turns show an excess.
+
+    And in the place of Stribeck friction that was found without them: it is known better with them.
 
     Args:
         grown: the model with its effects.
@@ -107,7 +118,7 @@ def with_peak_at_turns(
             grown = with_missed(changed, Candidate(effect=VISCOUS, joint=joint), shown)
             known = (*known, joint)
             unit = "rad" if rows.recording.is_hinge(joint) else "m"
-            notes += (NOTE.format(rows.recording.name(joint), peak.way, unit),)
+            notes += (NOTE.format(rows.recording.name(joint), peak.theta["way"], unit),)
     return grown, with_turns(rows, every, known) if known else rows, notes
 
 
@@ -129,13 +140,15 @@ def _peak(grown: Grown, rows: Rows, joint: int) -> Peak | None:
         joint: its number.
     """
     model = one_joint(grown.model, grown.score.coefficients, joint)
-    coulomb = Candidate(effect=COULOMB, joint=joint)
-    rubbing = [term.candidate for term in model.terms if term.rubs]
+    rubbing = [term for term in model.terms if term.rubs]
     beside = any(t.effect is MOTOR and joint in t.columns for t in grown.model.terms)
-    if rubbing != [coulomb] or beside or rows.recording.device.friction[joint]:
+    if len(rubbing) != 1 or beside or rows.recording.device.friction[joint]:
+        return None
+    there = rubbing[0].candidate
+    if there is None or there.effect not in (COULOMB, STRIBECK):
         return None
     recorded = unfitted(rows.recording, joint)
-    rest = _damped(model.without(coulomb), rows, joint)
+    rest = _damped(model.without(there), rows, joint)
     base, lower = rest.base(rows)
     target = rest.target(rows)
 
@@ -143,7 +156,8 @@ def _peak(grown: Grown, rows: Rows, joint: int) -> Peak | None:
         return score(rows, target, base, lower, variants, (0.0,))
 
     bends = list(product(WAYS * PRESLIDING_SHARE * recorded.travel[1], EXPONENTS))
-    plain, peaked = map(fitted, _variants(rest, rows, recorded, bends, SPEEDS))
+    falls = [(float(speed), GAUSSIAN) for speed in SPEEDS]
+    plain, peaked = map(fitted, _variants(rest, rows, recorded, bends, falls))
     worse, better = plain.losses, peaked.losses
     # No error of smoothing has the form: where a joint turns it takes of an acceleration, which is
     # as if less held the joint before the turn, and an excess is more.
@@ -154,10 +168,49 @@ def _peak(grown: Grown, rows: Rows, joint: int) -> Peak | None:
     shown = shown and more_than_luck(worse, better, rows.fold_of_block, ALONE_Z)
     if not shown:
         return None
-    about = peaked.variant.theta
-    bends = [(about["way"] * float((WAYS[1] / WAYS[0]) ** by), about["exponent"]) for by in FINER]
-    speeds = about["speed"] * (SPEEDS[1] / SPEEDS[0]) ** FINER
-    return Peak(plain, fitted(_variants(rest, rows, recorded, bends, speeds)[1]))
+    about = {**rubbing[0].theta, **peaked.variant.theta}
+    bare = model.without(there)
+    found = _sharpened(bare, rows, recorded, [about])
+    # Damping, another power, or both may be what another speed is, too: the less is the answer.
+    for one, powers in ((rest, ()), (bare, BEGUN), (rest, BEGUN)):
+        if one.terms == bare.terms and not powers:
+            continue
+        begun = [{**about, "power": power} for power in powers] or [about]
+        other = _sharpened(one, rows, recorded, begun)
+        if more_than_luck(found.losses, other.losses, rows.fold_of_block, ALONE_Z):
+            found = other
+    return Peak(plain, found, about, there)
+
+
+def _sharpened(rest: Model, rows: Rows, joint: RecordedJoint, begun: Sequence[Theta]) -> Score:
+    """Return friction that winds up and has the excess that fits best, of either form.
+
+    Where a search begins at several powers, that of the loss is fitted, too.
+    """
+    base, lower = rest.base(rows)
+    target, found = rest.target(rows), []
+    for form in FORMS:
+        theta = _settled(rest, rows, joint, [{**one, **form} for one in begun])
+        theta = {**theta, "smooth": min(theta["smooth"], 0.4 * theta["speed"])}
+        stacked = rows.stack(rest.transformed(STRIBECK.columns(joint, theta)), 2)
+        variant = Variant(theta=theta, columns=stacked, kept=(0, 1))
+        found.append(score(rows, target, base, lower, [variant], (0.0,)))
+    return min(found, key=lambda one: one.sse)
+
+
+def _settled(rest: Model, rows: Rows, joint: RecordedJoint, begun: Sequence[Theta]) -> Theta:
+    """Return the way, the speed and the power of an excess that fit best together."""
+    longest = PRESLIDING_SHARE * joint.travel[1]
+    limits = {"speed": LOST, "way": (WAYS[0] * longest, WAYS[-1] * longest)}
+    if len(begun) > 1:
+        limits["power"] = POWERS
+    if begun[0]["exponent"]:
+        limits["ratio"] = RATIOS
+
+    def columns(theta: Theta) -> np.ndarray:
+        return STRIBECK.columns(joint, theta)[joint.number]
+
+    return settled(rest, rows, columns, (0.0, 0.0), begun, limits)
 
 
 def _damped(model: Model, rows: Rows, joint: int) -> Model:
@@ -171,59 +224,46 @@ def _variants(
     rows: Rows,
     joint: RecordedJoint,
     bends: Iterable[tuple[float, float]],
-    speeds: np.ndarray,
+    falls: Sequence[tuple[float, float]],
 ) -> tuple[list[Variant], list[Variant]]:
     """Return friction that winds up by each way and exponent: without an excess, and with each."""
-    slow = [_slowness(joint, speed) for speed in speeds]
+    slow = [_slowness(joint, *fall) for fall in falls]
     plain, peaked = [], []
     for way, exponent in bends:
         wound = joint.wound(way, exponent)
         columns = np.stack([wound, *(wound * part for part in slow)], axis=1)
         stacked = rows.stack(rest.transformed({joint.number: columns}), columns.shape[1])
-        theta = {"way": float(way), "exponent": exponent}
+        theta = {"way": float(way), "exponent": exponent, "ratio": 0.0}
         plain.append(Variant(theta=theta, columns=stacked[:, :1], kept=(0,)))
-        for number, speed in enumerate(speeds, 1):
-            beside = {**theta, "speed": float(speed)}
+        for number, (speed, power) in enumerate(falls, 1):
+            beside = {**theta, "speed": speed, "power": power}
             peaked.append(Variant(theta=beside, columns=stacked[:, [0, number]], kept=(0, 1)))
     return plain, peaked
 
 
-def _slowness(joint: RecordedJoint, speed: float) -> np.ndarray:
+def _slowness(joint: RecordedJoint, speed: float, power: float) -> np.ndarray:
     """Return 1 at rest and 0 when fast, (n,), about a speed over the top speed."""
-    values = STRIBECK.fixed(joint, {"speed": speed})
+    values = STRIBECK.fixed(joint, {"speed": speed, "power": power})
     return np.asarray(slowness(values, joint))
-
-
-def _further(joint: RecordedJoint, way: float, exponent: float) -> np.ndarray:
-    """Return how the state of a bristle changes with the way over which it bends, (n,)."""
-    step = 2.0**0.25
-    return np.asarray(joint.wound(way * step, exponent) - joint.wound(way / step, exponent))
 
 
 def _with_excess(grown: Grown, rows: Rows, joint: int, peak: Peak) -> Grown | None:
     """Return the model with friction that is larger when slow and winds up; None if it cannot be.
 
-    What winds up beside the law has no name, as elsewhere (`winding`).
+    What its bristles bend unlike has no name, as elsewhere (`winding`).
     """
-    coulomb, stribeck = (Candidate(effect=effect, joint=joint) for effect in (COULOMB, STRIBECK))
-    (turning,) = [t.theta["smooth"] for t in grown.model.terms if t.candidate == coulomb]
-    found = peak.peaked.variant.theta
-    theta = {"smooth": min(turning, 0.4 * found["speed"]), "speed": found["speed"]}
+    stribeck, theta = Candidate(effect=STRIBECK, joint=joint), peak.theta
     recorded = unfitted(rows.recording, joint)
-    model = with_law(grown.model.without(coulomb), stribeck, theta, rows, recorded)
+    rest = grown.model.without(peak.replaced)
+    model = with_law(rest, stribeck, theta, rows, recorded)
     if model is None or model.terms[-1].kept != (0, 1):
         return None
-    sign = model.terms[-1].columns[joint][:, :1]
-    # What the law lacks where it has not slid yet, of its level and of its excess.
-    lacks = (recorded.wound(found["way"], found["exponent"]) - sign[:, 0])[:, None]
-    slow = _slowness(recorded, found["speed"])
-    # The way is an estimate, too: else intervals would be of who knows it.
-    further = _further(recorded, found["way"], found["exponent"])[:, None]
-    both = np.stack([np.ones_like(slow), slow], axis=1)
-    winding = Term(joint=joint, columns={joint: np.hstack([lacks * both, further * both])})
-    model = with_independent(model, winding, rows)
+    model = with_independent(model, _bent_otherwise(recorded, theta, peak), rows)
     fitted = evaluate(model, rows)
-    if beyond_physics(model, fitted, stribeck) or not _slides(model, stribeck, rows):
+    if beyond_physics(model, fitted, stribeck):
+        return None
+    # What is fitted closely may be of any form: both have to show it.
+    if not all(_slides(rest, stribeck, one, rows) for one in (peak.shown, theta)):
         return None
     gain, error = compare(peak.plain.losses, peak.peaked.losses)
     taken = Option(
@@ -232,22 +272,51 @@ def _with_excess(grown: Grown, rows: Rows, joint: int, peak: Peak) -> Grown | No
         score=fitted,
         gain=gain,
         z=gain / error,
-        replaced=frozenset({coulomb.key}),
+        replaced=frozenset({peak.replaced.key}),
     )
     step = Step(taken=taken, equals=(), options=(), before=peak.plain.loss)
-    others = tuple(other for other in grown.steps if other.key != coulomb.key)
+    others = tuple(other for other in grown.steps if other.key != peak.replaced.key)
     return Grown(model, fitted, (*others, step))
 
 
-def _slides(model: Model, candidate: Candidate, rows: Rows) -> bool:
+def _bent_otherwise(joint: RecordedJoint, theta: Theta, peak: Peak) -> Term:
+    """Return what bristles that are not quite those of a law add to its torque.
+
+    They may bend less, or over another way; the way and the ratio are estimates, too: else
+    intervals would be of who knows them.
+    """
+    own = peak.peaked.coefficients[-2:]
+
+    def torque(**changed: float) -> np.ndarray:
+        columns = STRIBECK.columns(joint, {**theta, **changed})[joint.number]
+        return np.asarray(columns @ own)
+
+    bent = [torque(way=theta["way"] * STEP) - torque(way=theta["way"] / STEP)]
+    if theta["exponent"]:
+        bent.append(torque(ratio=theta["ratio"] * STEP) - torque(ratio=theta["ratio"] / STEP))
+    turning = {name: theta[name] for name in ("smooth", "speed", "power")}
+    bent.append(torque() - STRIBECK.columns(joint, turning)[joint.number] @ own)
+    return Term(joint=joint.number, columns={joint.number: np.stack(bent, axis=1)})
+
+
+def _slides(rest: Model, candidate: Candidate, theta: Theta, rows: Rows) -> bool:
     """Whether a law's excess gains more than luck beside all that may wind up.
 
     Else it is of the winding's form, which no bristle here has quite.
     """
-    joint = candidate.joint
-    model = _damped(model, rows, joint)
-    (law,) = [term for term in model.terms if term.candidate == candidate]
-    level = replace(law, columns={joint: law.columns[joint][:, :1]}, kept=(0,))
-    without = replace(model, terms=tuple(level if term is law else term for term in model.terms))
-    worse, better = (evaluate(one, rows).losses for one in (without, model))
-    return more_than_luck(worse, better, rows.fold_of_block, ALONE_Z)
+    number, joint = candidate.joint, unfitted(rows.recording, candidate.joint)
+    turning = {name: theta[name] for name in ("smooth", "speed", "power")}
+    law = STRIBECK.columns(joint, turning)[number]
+    lacks = STRIBECK.columns(joint, theta)[number] - law
+    longer, shorter = (
+        STRIBECK.columns(joint, {**theta, "way": theta["way"] * by})[number]
+        for by in (STEP, 1.0 / STEP)
+    )
+    winding = Term(joint=number, columns={number: np.hstack([lacks, longer - shorter])})
+
+    def losses(columns: int) -> np.ndarray:
+        own = Term(joint=number, columns={number: law[:, :columns]})
+        model = with_independent(_damped(rest, rows, number), own, rows)
+        return evaluate(with_independent(model, winding, rows), rows).losses
+
+    return more_than_luck(losses(1), losses(2), rows.fold_of_block, ALONE_Z)

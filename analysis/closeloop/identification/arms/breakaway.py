@@ -36,6 +36,7 @@ from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import REST, runs
 from analysis.closeloop.session.signals import rms
 from sim.effects.catalogue import BY_NAME
+from sim.effects.laws.friction import GAUSSIAN
 
 STRIBECK, COULOMB = BY_NAME["stribeck_friction"], BY_NAME["coulomb_friction"]
 #: Speeds at which the excess may be lost, over the top speed. No motion shows lower ones.
@@ -294,7 +295,7 @@ def _with_speed(plain: Model, rows: Rows, joint: int, held: Held) -> Model | Non
     constant, _ = lowest(rest, candidate)
     found: list[tuple[float, Model]] = []
     for speed in SPEEDS:
-        theta = {"smooth": min([*turning, 0.4 * speed]), "speed": float(speed)}
+        theta = {"smooth": min([*turning, 0.4 * speed]), "speed": float(speed), "power": GAUSSIAN}
         columns = STRIBECK.columns(recorded, theta)
         given = rest.given.torque[joint] + excess * columns[joint][:, [1]]
         term = Term(

@@ -80,7 +80,8 @@ class Fits:
         Args:
             found: the quantity from each of the fits, (1 + parameters + clusters,).
             value: what is reported; with `found[0]` a part of the interval.
-            lowest: physical bound; the interval ends there.
+            lowest: physical bound; the interval ends there. Where the step for all rows ends
+                there, too, no fit says how far it could go the other way: as far, then.
         """
         count = len(self.steps)
         slope = (found[1 : 1 + count] - found[0]) / self.steps
@@ -98,6 +99,8 @@ class Fits:
             )
         ]
         half = half_width(trials, self.sizes[0] - 1.0, beyond)
+        if found[0] <= lowest < value:
+            half = max(half, value - found[0])
         low, high = min(value - half, found[0]), max(value + half, found[0])
         return max(low, min(lowest, value)), high
 
@@ -267,7 +270,7 @@ def slopes_of(
 
     Yields:
         The part of the model, the parameter's name, and the slope, (n, joints); NaN where a joint
-        has no effort. Choices, which have no slope, are left out.
+        has no effort. Choices, which have no slope, are left out, and what is as usual.
     """
     parts: list[Term | Channel] = [*model.terms, *model.channels]
     for part in parts:
@@ -277,6 +280,8 @@ def slopes_of(
             if parameter.step is None:
                 continue
             name, value = parameter.name, part.theta[parameter.name]
+            if value == parameter.usual:
+                continue
             step = parameter.step[0] + parameter.step[1] * abs(value)
             up, down = (
                 prediction(moved(model, part, name, value + sign * step), coefficients)

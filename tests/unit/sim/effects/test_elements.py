@@ -11,7 +11,9 @@ from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.synthetic import mjcf
 
 PARAMETERS: dict[str, dict[str, float]] = {
-    "stribeck_friction": {"torque": 1.0, "breakaway_excess": 2.0, "stribeck_velocity": 0.5},
+    "stribeck_friction": {
+        "torque": 1.0, "breakaway_excess": 2.0, "stribeck_velocity": 0.5, "stribeck_exponent": 2.0,
+    },
     "asymmetric_friction": {"torque_positive": 2.0, "torque_negative": 1.0},
     "load_dependent_friction": {"torque": 0.5, "load_share": 0.1},
     "position_dependent_friction": {

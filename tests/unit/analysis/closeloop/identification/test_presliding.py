@@ -99,7 +99,7 @@ def stribeck_beside_friction(elbow: Recording, effort: np.ndarray, smooth: float
     )
     found = []
     for speed in (0.07, 0.12, 0.24):
-        theta = {"smooth": smooth, "speed": speed}
+        theta = {"smooth": smooth, "speed": speed, "power": 2.0}
         columns = candidate.effect.columns(joint, theta)
         term = Term(joint=ELBOW, columns=columns, kept=(1,), theta=theta, effect=candidate.effect)
         found.append(model.with_term(replace(term, candidate=candidate)))

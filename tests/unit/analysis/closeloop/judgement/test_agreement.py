@@ -46,7 +46,7 @@ def rows() -> Rows:
 def option(declared: Model, rows: Rows, name: str) -> Option:
     effect = BY_NAME[name]
     candidate = Candidate(effect=effect, joint=ELBOW)
-    theta = {"smooth": 0.02, "speed": 0.05, "distance": 1.0}
+    theta = {"smooth": 0.02, "speed": 0.05, "power": 2.0, "distance": 1.0}
     columns = effect.columns(unfitted(rows.recording, ELBOW), theta)
     term = Term(joint=ELBOW, columns=columns, kept=(0,), effect=effect, candidate=candidate)
     model = declared.with_term(term)

@@ -39,15 +39,20 @@ def rubbed(
     late: float = 0.0,
     smoothed: float = 0.0,
     damping: float = 0.0,
+    power: float = 2.0,
+    stiff: bool = False,
 ) -> Recording:
     """The arm with friction of bristles at its elbow, which may be larger when slow, Nm.
 
-    They may be of several ways and turn late, s, and smoothing may have taken an inertia's torque
-    where the acceleration is largest, kg m2. The joint may be damped, too, Nm s/rad.
+    They may be of several ways or of constant stiffness and turn late, s, and smoothing may have
+    taken an inertia's torque where the acceleration is largest, kg m2. The joint may be damped,
+    too, Nm s/rad. The excess falls by a power of the speed.
     """
     joint = unfitted(arm, ELBOW)
-    slow = np.exp(-((joint.velocity / SPEED) ** 2))
+    slow = np.exp(-(np.abs(joint.velocity / SPEED) ** power))
     bent = np.mean([joint.wound(way) for way in ways], axis=0)
+    if stiff:
+        bent = joint.bent(WAY, 1.0 + excess / FRICTION * slow)
     effort = np.array(arm.inverse)
     effort[:, [ELBOW]] += arm.shifted(((FRICTION + excess * slow) * bent)[:, None], -late)
     effort[:, ELBOW] += smoothed * slow * joint.acceleration + damping * joint.velocity
@@ -98,6 +103,25 @@ def test_an_excess_that_only_turns_show_is_stribeck_friction_of_its_size(arm: Re
     assert found["stribeck_velocity"] == pytest.approx(SPEED, rel=0.03)
     assert "where it turns, friction winds up over 0.00079 rad" in notes[0]
     assert grown.score.loss == pytest.approx(evaluate(grown.model, rows).loss)
+
+
+@pytest.mark.parametrize("power", [2.0, 1.0, 0.5])
+def test_bristles_of_constant_stiffness_have_the_excess_of_the_power_that_it_falls_by(
+    arm: Recording, power: float
+) -> None:
+    grown, _, _ = traced(rubbed(arm, EXCESS, power=power, stiff=True))
+    term = next(t for t in grown.model.terms if t.candidate is not None)
+    assert grown.score.coefficients[:2] == pytest.approx([FRICTION, EXCESS], rel=0.1)
+    assert term.theta["power"] == pytest.approx(power, rel=0.1)
+    assert term.theta["way"] == pytest.approx(WAY, rel=0.1)
+
+
+def test_a_law_that_quick_motion_showed_is_known_better_by_the_turns(arm: Recording) -> None:
+    found = {"speed": 0.3, "power": 2.0}
+    grown, _, notes = traced(rubbed(arm, EXCESS), "stribeck_friction", **found)
+    assert [step.key for step in grown.steps] == [("stribeck_friction", ELBOW)]
+    assert grown.score.coefficients[:2] == pytest.approx([FRICTION, EXCESS], rel=0.05)
+    assert len(notes) == 1
 
 
 def test_damping_that_a_level_between_slow_and_fast_hid_is_found_beside_it(arm: Recording) -> None:

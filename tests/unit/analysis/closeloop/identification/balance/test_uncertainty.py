@@ -32,3 +32,13 @@ def test_an_interval_holds_the_whole_fit_and_ends_at_a_physical_bound() -> None:
     low, high = fits.interval(np.array([0.3, 0.3, 0.2, 0.4, 0.3]), 0.05, lowest=0.0)
     assert low == 0.0
     assert high >= 0.3
+
+
+def test_of_a_step_that_ends_at_its_bound_an_interval_goes_as_far_the_other_way() -> None:
+    one = np.eye(1)
+    fits = Fits(
+        coefficients=np.empty((0, 1)), thetas={}, steps=np.ones(1), sizes=(3,), white=(one,)
+    )
+    assert fits.interval(np.zeros(5), 0.3, lowest=0.0) == pytest.approx((0.0, 0.6))
+    # What has no bound is where all fits say that it is.
+    assert fits.interval(np.zeros(5), 0.3) == pytest.approx((0.0, 0.3))
