@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import MOST, SEVERAL, sure
-from analysis.closeloop.identification.arms.links import last_links, links_of
+from analysis.closeloop.identification.arms.links import freed_links, last_links, links_of
 from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import with_load
@@ -128,7 +128,8 @@ def _weighed(
     for _, load in seen.values():
         model = with_load(model, rows, load)
     free = model.given is not None
-    fit = WholeFit(replace(model, given=None), rows, links_of(recording))
+    links = freed_links(model, links_of(recording))
+    fit = WholeFit(replace(model, given=None), rows, links)
     every = range(len(model.terms))
     scored = fit.with_links(every) if free else fit.alone(every)
     spread = Spread(fit, links=free)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.links import freed_links, links_of
 from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import PLACED
@@ -50,7 +50,7 @@ def link_parameters(model: Model, rows: Rows) -> dict[str, Any]:
     near its axis they say little of the mass (Khalil and Dombre 2002, Modeling, identification and
     control of robots, chapter 9, on base parameters). `repaired` has what was fitted all the same.
     """
-    links = links_of(model.recording)
+    links = freed_links(model, links_of(model.recording))
     spread = Spread(WholeFit(replace(model, given=None), rows, links), links=True)
     assert model.given is not None
     found = _described(np.array([model.given.links[name] for name in links.names]))
@@ -219,7 +219,8 @@ def payload_entries(
 def _payloads(
     model: Model, coefficients: np.ndarray, rows: Rows
 ) -> dict[tuple[str, str], dict[str, Any]]:
-    fit = WholeFit(replace(model, given=None), rows, links_of(model.recording))
+    links = freed_links(model, links_of(model.recording))
+    fit = WholeFit(replace(model, given=None), rows, links)
     spread = Spread(fit, links=model.given is not None)
     found = {}
     for number, (term, own) in enumerate(model.split(coefficients)):

@@ -10,7 +10,6 @@ from analysis.closeloop.identification.balance.luck import (
     LARGE_GAIN,
     LARGE_Z,
     MIN_GAIN,
-    MIN_TORQUE,
     MIN_Z,
     least_gain,
     wins_in_folds,
@@ -65,7 +64,7 @@ def shared_by_joints(alone: Predicted, other: Predicted, rows: Rows) -> bool:
     that error.
     """
     gain = alone.loss - other.loss
-    matters = MIN_TORQUE**2 * sum(rows.effort_power(joint) for joint in rows.samples)
+    matters = sum(least_gain(rows, joint, alone.losses, other.losses) for joint in rows.samples)
     return gain > max(MIN_GAIN * alone.loss, matters) and better_for_all(alone, other, rows)
 
 

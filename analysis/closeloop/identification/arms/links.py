@@ -11,11 +11,13 @@ Geometric robot dynamic identification: a convex programming approach). So the f
 one convex problem that Newton's method solves from the declared links.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.session.link_torque import ENTRIES, carriers
 from analysis.closeloop.session.recording import Recording
 from sim.effects.rigid import point_mass
@@ -59,6 +61,15 @@ class Links:
         """Declared pseudo-inertias, (links, 4, 4)."""
         return np.asarray(np.einsum("bk,kij->bij", self.declared, BASIS))
 
+    def only(self, bodies: Collection[int]) -> "Links":
+        """Return some of the links."""
+        kept = [number for number, body in enumerate(self.bodies) if body in bodies]
+        return Links(
+            bodies=tuple(self.bodies[number] for number in kept),
+            names=tuple(self.names[number] for number in kept),
+            declared=self.declared[kept],
+        )
+
 
 def links_of(recording: Recording) -> Links:
     """Return the links whose parameters the analysed joints may show."""
@@ -78,6 +89,11 @@ def links_of(recording: Recording) -> Links:
         names=tuple(model.body(body).name for body in bodies),
         declared=np.array(declared).reshape(-1, PARAMETERS),
     )
+
+
+def freed_links(model: Model, links: Links) -> Links:
+    """Return the links that a model has other than declared; all if it has none."""
+    return links if model.given is None else links.only(model.given.changes)
 
 
 def last_links(recording: Recording) -> dict[int, str]:

@@ -26,7 +26,7 @@ from analysis.closeloop.identification.arms.agreed import (
 )
 from analysis.closeloop.identification.arms.gains import alike, with_gains
 from analysis.closeloop.identification.arms.hidden import beside_friction
-from analysis.closeloop.identification.arms.links import Links, links_of
+from analysis.closeloop.identification.arms.links import Links, freed_links, links_of
 from analysis.closeloop.identification.arms.motors import with_other_joints
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.plain_friction import (
@@ -161,7 +161,7 @@ def pruned(model: Model, rows: Rows, links: Links) -> Model:
 
     Of every joint the least missed goes first, and then the others are asked again.
     """
-    free = model.given is not None
+    free, links = model.given is not None, freed_links(model, links)
     fit = WholeFit(replace(model, given=None), rows, links)
     scored = fit.with_links if free else fit.alone
     kept = list(range(len(model.terms)))

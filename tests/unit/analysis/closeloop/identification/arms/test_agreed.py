@@ -73,4 +73,23 @@ def test_a_joint_speaks_against_what_joints_share_by_more_than_chance_or_by_much
         effort_power=lambda _: 1.0,
     )
     first, other = (SimpleNamespace(losses=one, loss=one.sum()) for one in (alone, shared))
-    assert shared_by_joints(first, other, cast(Rows, rows)) is kept
+    assert bool(shared_by_joints(first, other, cast(Rows, rows))) is kept
+
+
+@pytest.mark.parametrize(("left", "kept"), [(0.1, True), (0.5, False)])
+def test_what_takes_nearly_all_that_is_left_need_not_be_much_of_the_effort(
+    left: float, kept: bool
+) -> None:
+    """Of arms with little noise, a load on two of three joints: seven hundredths of the effort."""
+    own = np.repeat([0, 1], [40, 40])
+    alone = np.full(80, 10.0) + np.random.default_rng(1).random(80)
+    rows = SimpleNamespace(
+        joints=(0, 1),
+        samples={0: (), 1: ()},
+        joint_of_block=own,
+        fold_of_block=np.arange(80) % 4,
+        effort_power=lambda _: 1e7,
+        smoothing_power=lambda _: 1.0,
+    )
+    first, other = (SimpleNamespace(losses=o, loss=o.sum()) for o in (alone, left * alone))
+    assert bool(shared_by_joints(first, other, cast(Rows, rows))) is kept

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms.agreed import nested_z
-from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.links import freed_links, links_of
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.shared import with_share
 from analysis.closeloop.identification.balance.model import Model, unfitted
@@ -66,3 +66,19 @@ def test_links_are_others_than_declared_only_if_friction_that_winds_up_does_not_
     model = with_ordinary(Model(arm), rows)
     shared = with_share(model, rows, links_of(arm), links_free=True)
     assert (shared is not model) == (mass > 0.0)
+
+
+def test_links_that_are_as_declared_stay_so_beside_one_that_is_not() -> None:
+    """An opponent's wrong links were refused since a joint lost by what ten free numbers cost."""
+    still, wrong = rich_recording(20), 1
+    links = links_of(still)
+    effort = still.inverse - 0.3 * still.link_torque(links.bodies[wrong]) @ links.declared[wrong]
+    effort += 0.05 * np.random.default_rng(6).standard_normal(effort.shape)
+    arm = replace(still, effort=still.filtered(effort), cache={})
+    rows = select_rows(arm, (0,)).reweighted({0: 0.05, ELBOW: 0.05})
+    shared = with_share(with_ordinary(Model(arm), rows), rows, links, links_free=True)
+    assert shared.given is not None
+    assert freed_links(shared, links).names == (links.names[wrong],)
+    mass = shared.given.links[links.names[wrong]][0] / links.declared[wrong, 0]
+    # What the inertia of its motor does not take.
+    assert mass == pytest.approx(0.7, abs=0.15)
