@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.effects.effect import Columns, Effect, Limits, Theta
 from sim.effects.motion import RecordedJoint
-from sim.effects.parameter import Nonlinear, Parameter, Reading, named
+from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, named
 
 #: Factor by which a compliance and that of its resonance may differ: set, as the last of these,
 #: while looking at sessions of the unkind bench with seeds below 400. A gap may by no more.
@@ -58,8 +58,8 @@ class SeriesElasticity(Effect):
     coefficients = ("compliance",)
     lower = (0.0,)
     nonlinear = (
-        Nonlinear("resonance", RESONANCES, scaling=0.2),
-        Nonlinear("damping_ratio", (0.05, 0.2), scaling=0.5),
+        Nonlinear("resonance", RESONANCES, scaling=0.2, step=RELATIVE),
+        Nonlinear("damping_ratio", (0.05, 0.2), scaling=0.5, step=RELATIVE),
     )
     uses_estimate = has_to_agree = filters = True
 

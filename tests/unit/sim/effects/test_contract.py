@@ -28,6 +28,9 @@ LATER = """
 stribeck_load_friction directional_load_friction quadratic_load_friction thixotropic_stiffness
 gravity_torque coupled_motor
 """
+#: What a law is written with: another joint and its sense, the middle of the range, the width of an
+#: exponential.
+CONVENTIONS = {"other_dof", "sense", "middle", "width"}
 every_effect = pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
 #: Effects whose torque an actuator applies at every step.
 APPLIED = [
@@ -134,9 +137,22 @@ def test_what_refines_an_effect_stays_near_and_finite(effect: Effect, recording:
 @every_effect
 def test_a_parameter_that_has_an_interval_is_refined_off_its_grid(effect: Effect) -> None:
     for parameter in effect.nonlinear:
-        if parameter.step is not None:
+        if parameter.step is not None and parameter.usual is None:
             below, above = parameter.near(1.0, 1.0)
             assert below < 1.0 < above, parameter.name
+
+
+@every_effect
+def test_a_quantity_that_is_no_coefficient_has_an_interval(
+    effect: Effect, recording: Recording
+) -> None:
+    joint, theta = unfitted(asked(recording, effect.name), ELBOW), TRUTH[effect.name][0]
+    values = effect.fixed(joint, theta)
+    sloped = [parameter.name for parameter in effect.nonlinear if parameter.step is not None]
+    chosen = {name for name in values if effect.parameters[name].choice} | CONVENTIONS
+    for name in values.keys() - chosen:
+        moved = [effect.fixed(joint, {**theta, one: theta[one] + 1e-3})[name] for one in sloped]
+        assert any(value != values[name] for value in moved), name
 
 
 @pytest.mark.parametrize("effect", [e for e in EFFECTS if e.filters], ids=lambda e: e.name)
