@@ -179,6 +179,11 @@ def _peak(grown: Grown, rows: Rows, joint: int) -> Peak | None:
         other = _sharpened(one, rows, recorded, begun)
         if more_than_luck(found.losses, other.losses, rows.fold_of_block, ALONE_Z):
             found = other
+    if there.effect is STRIBECK:
+        # Friction that does not wind up is known already, and bristles are another form.
+        turning = evaluate(model, rows).losses
+        if not more_than_luck(turning, found.losses, rows.fold_of_block, ALONE_Z):
+            return None
     return Peak(plain, found, about, there)
 
 
