@@ -106,13 +106,15 @@ def follow(
 ) -> None:
     """Keep every study caught up, and those with a goal growing, until `stop` is set.
 
-    A store that is away is waited for, as `patiently` does.
+    A store that is away is waited for, as `patiently` does. A study that cannot be computed is left
+    alone until the process starts again: the others go on.
     """
+    failed: set[str] = set()
 
     def look() -> bool:
         with log.alone() as mine:
             if mine:
-                _look(log, stop)
+                _look(log, stop, failed)
         return False
 
     patiently(look, stop=stop, why_away=why_away, poll_seconds=poll_seconds)
@@ -145,13 +147,21 @@ def patiently(
         stop.wait(pause)
 
 
-def _look(log: ResultLog, stop: Event) -> None:
+def _look(log: ResultLog, stop: Event, failed: set[str]) -> None:
     for study_id in log.studies_with_news():
         if stop.is_set():
             return
-        # One that was deleted since it was listed needs no indices.
-        with suppress(NoSuchStudyError):
-            catch_up(log, study_id)
+        if study_id in failed:
+            continue
+        try:
+            # One that was deleted since it was listed needs no indices.
+            with suppress(NoSuchStudyError):
+                catch_up(log, study_id)
+        except (ArithmeticError, ValueError):
+            failed.add(study_id)
+            logger.exception(
+                "study %s has no indices, an error of rehyb: please report it", study_id
+            )
     log.act_on_precision_goals()
 
 

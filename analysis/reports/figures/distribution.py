@@ -16,6 +16,9 @@ from analysis.reports.figures.shared import (
 )
 from analysis.reports.wording import with_unit
 
+#: Least standard deviation that has bins, in steps between two numbers of that size.
+FINEST = 1000.0
+
 
 def distribution(values: NDArray[np.float64], output: str, unit: str = "") -> Figure:
     """Draw a histogram, a kernel density estimate, and the normal density of the same moments.
@@ -32,9 +35,12 @@ def distribution(values: NDArray[np.float64], output: str, unit: str = "") -> Fi
     per_unit = f"1/({unit})" if unit else ""
     x_axis = axis(plain(with_unit(output, unit)))
     y_axis = axis(plain(with_unit("probability density", per_unit)), rangemode="tozero")
-    if values.size < 2 or np.ptp(values) == 0.0:
+    mean, sd = 0.0, 0.0
+    if values.size > 1:
+        mean, sd = float(np.mean(values)), float(np.std(values, ddof=1))
+    # What differs in the last digits of a number, or whose square is none, has no bins.
+    if not sd > FINEST * np.spacing(np.abs(values).max(initial=0.0)):
         return figure([], 390, width=640, empty="nothing varies yet", xaxis=x_axis, yaxis=y_axis)
-    mean, sd = float(np.mean(values)), float(np.std(values, ddof=1))
     low, high = np.quantile(values, [0.0, 1.0]) + np.array([-0.4, 0.4]) * sd
     x = np.linspace(low, high, 200)
     bins = min(max(int(np.sqrt(values.size)), 8), 60)

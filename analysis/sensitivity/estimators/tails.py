@@ -77,10 +77,14 @@ def heaviness(kurtosis: Array, heavy: float = HEAVY_KURTOSIS) -> Array:
 
 
 def raw_kurtosis(second: Array, fourth: Array) -> Array:
-    """Return E d^4 / E(d^2)^2 (Kendall and Stuart 1977, chapter 3); nan where nothing moves."""
+    """Return E d^4 / E(d^2)^2 (Kendall and Stuart 1977, chapter 3); nan where nothing moves.
+
+    Infinite where a power is beyond the range of numbers: a tail as heavy as any.
+    """
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        ratio = fourth / second**2
-    return np.where(np.isfinite(ratio), ratio, np.nan)
+        square = second**2
+        ratio = np.where(np.isinf(square), np.inf, fourth / square)
+    return np.where(np.isnan(ratio) | (second == 0.0), np.nan, ratio)
 
 
 def of_draws(raw: Array) -> Array:

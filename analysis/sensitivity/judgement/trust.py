@@ -73,8 +73,9 @@ def judge(
     reasons = []
     if rows >= FEWEST_ROWS:
         few = kurtosis > estimator.heavy_kurtosis and effective < ENOUGH_RUNS
-        # Nothing speaks against a tail where the other is unknown (nan).
-        if few and not estimator.other_kurtosis()[output] <= HEAVY:
+        # Nothing speaks against a tail where the other is unknown (nan), or has no such powers.
+        light = estimator.other_kurtosis()[output] <= HEAVY and isfinite(kurtosis)
+        if few and not light:
             as_many = f"as many as {effective:.0f} of equal size would, of {runs:,}"
             if estimator.method == "morris":
                 reasons.append(

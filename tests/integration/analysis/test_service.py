@@ -316,6 +316,27 @@ def test_an_error_that_is_not_about_the_connection_ends_the_service() -> None:
         follow(log, stop=Pauses(), why_away=lambda error: None)
 
 
+def test_a_study_that_cannot_be_computed_stops_no_other_and_is_told_of_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    log, _ = study("morris")
+    stop, looks = Pauses(), []
+
+    def fail() -> None:
+        raise ZeroDivisionError("float division by zero")
+
+    def count() -> None:
+        looks.append(1)
+        if len(looks) == 3:
+            stop.set()
+
+    log.before_commit, log.after_goals = fail, count
+    follow(log, stop=stop)
+    assert log.cursor == 0 and len(looks) == 3
+    (told,) = caplog.records
+    assert "has no indices" in told.message
+
+
 class Pauses(threading.Event):
     """An event that nobody waits for, and for how long they would have."""
 

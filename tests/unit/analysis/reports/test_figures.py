@@ -15,6 +15,7 @@ from analysis.reports.figures import (
     plane,
     precision,
 )
+from analysis.reports.figures.distribution import distribution
 from analysis.reports.figures.shared import COLOURS, plain
 from analysis.sensitivity.judgement.stopping import advise
 from analysis.sensitivity.service import analyse
@@ -151,3 +152,18 @@ def test_two_studies_have_their_bars_at_the_same_place_and_no_two_kinds_of_index
     plan = study_plan("morris", 4)
     with pytest.raises(ValueError, match="indices of saltelli and of morris are not of one kind"):
         comparison((one, analyse(plan, results_of(plan))), ("a", "b"), "y")
+
+
+@pytest.mark.parametrize(
+    ("values", "drawn"),
+    [
+        ([1.0] * 39 + [1.0 + 2.3e-16], False),
+        ([1e-200, 2e-200, 3e-200], False),
+        ([3.0], False),
+        ([1e6 + 1e-3 * number for number in range(9)], True),
+    ],
+)
+def test_what_differs_in_its_last_digits_has_no_histogram_and_no_error(
+    values: list[float], drawn: bool
+) -> None:
+    assert bool(distribution(np.array(values), "y")["data"]) is drawn

@@ -159,3 +159,9 @@ def test_nothing_that_moves_has_no_kurtosis_and_leads_nothing() -> None:
     raw = raw_kurtosis(second, fourth)
     np.testing.assert_array_equal(raw, [[np.nan, 3.0, np.nan], [np.nan] * 3])
     np.testing.assert_array_equal(of_leading(raw, fourth), [3.0, np.nan])
+
+
+def test_a_power_beyond_all_numbers_is_a_tail_as_heavy_as_any() -> None:
+    """One result of 1e80 ended the analysis of every study: its square's square was infinite."""
+    second, fourth = np.array([1e200, 1e100, 0.0]), np.array([1e300, np.inf, 0.0])
+    np.testing.assert_array_equal(raw_kurtosis(second, fourth), [np.inf, np.inf, np.nan])

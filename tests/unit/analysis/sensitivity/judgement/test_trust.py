@@ -213,3 +213,32 @@ def test_of_few_rows_an_effects_interval_keeps_most_of_what_independent_rows_err
     assert np.all(found.value - found.low >= least - 1e-4)
     apart = many.statistics()["mu"].apart
     assert apart is not None and np.all(apart == 0.0)
+
+
+@pytest.mark.parametrize("method", ["morris", "saltelli"])
+@pytest.mark.parametrize("size", [1e80, -1e100])
+def test_a_result_as_large_as_any_is_a_tail_and_no_error(method: str, size: float) -> None:
+    plan = StudyPlan(
+        id="s",
+        method=method,
+        seed=1,
+        sampling="owen_blocks",
+        rows=256,
+        factors=("a", "b", "c"),
+        outputs=("y",),
+    )
+    rows = range(256)
+    width = len(unit_row(method, plan.sampling, 1, 0, 3))
+    values = np.random.default_rng(1).random((256, width))
+    values[3, 1] = size
+    growing = new_growing_estimator(plan)
+    growing.add_rows(rows, np.stack([values, np.zeros_like(values)], axis=-1))
+    snapshot = take_snapshot(
+        plan,
+        growing.total(),
+        growing.series,
+        cursor=0,
+        rows_complete=256,
+        evaluations={"ok": values.size},
+    )
+    assert snapshot["outputs"]["y"]["trust"]["trusted"] is False
