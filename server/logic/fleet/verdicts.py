@@ -15,6 +15,8 @@ from server.states import InstanceState, Outcome, Verdict
 
 #: Characters kept of a reason: a sentence or a traceback, not a log.
 REASON_LENGTH = 4000
+#: Most seconds of a run, thirty years: sums of what no clock showed would be infinite.
+LONGEST_RUN = 1e9
 #: Levels of nesting a state may have, and how many values and characters.
 STATE_DEPTH, STATE_VALUES = 32, 100_000
 
@@ -184,8 +186,8 @@ def fault_in(
     if report.outcome in RESERVED:
         return f"only the coordinator concludes {report.outcome!r}"
     wall = report.wall_seconds
-    if wall is not None and not (is_finite_number(wall) and wall >= 0):
-        return "wall_seconds must be a finite number, 0 or more, or null"
+    if wall is not None and not (is_finite_number(wall) and 0 <= wall <= LONGEST_RUN):
+        return f"wall_seconds must be a number from 0 to {LONGEST_RUN:g}, or null"
     if report.state is not None:
         flaw = flaw_in(report.state, STATE_DEPTH, STATE_VALUES)
         if flaw is not None:

@@ -312,7 +312,8 @@ def test_attempts_beyond_the_budget_are_counted_as_they_are(report: Reporting) -
     [
         ({"outcome": "Bad"}, "the outcome must be 'ok' or a failure in 1 to 40 lower-case"),
         ({"outcome": "lost"}, "only the coordinator concludes 'lost'"),
-        ({"wall_seconds": -1e-9}, "wall_seconds must be a finite number, 0 or more, or null"),
+        ({"wall_seconds": -1e-9}, "wall_seconds must be a number from 0 to 1e+09, or null"),
+        ({"wall_seconds": 1e308}, "wall_seconds must be a number from 0 to 1e+09, or null"),
         ({"state": _nested(33)}, "the state is nested more than 32 deep"),
         ({"state": {"q": inf}}, "the state holds a number that is not finite: send null"),
         ({"state": {"q": [1] * 100_000}}, "the state holds more than 100,000 values and char"),
