@@ -156,8 +156,7 @@ def _peak(grown: Grown, rows: Rows, joint: int) -> Peak | None:
         return score(rows, target, base, lower, variants, (0.0,))
 
     bends = list(product(WAYS * PRESLIDING_SHARE * recorded.travel[1], EXPONENTS))
-    falls = [(float(speed), GAUSSIAN) for speed in SPEEDS]
-    plain, peaked = map(fitted, _variants(rest, rows, recorded, bends, falls))
+    plain, peaked = map(fitted, _variants(rest, rows, recorded, bends))
     worse, better = plain.losses, peaked.losses
     # No error of smoothing has the form: where a joint turns it takes of an acceleration, which is
     # as if less held the joint before the turn, and an excess is more.
@@ -229,10 +228,10 @@ def _variants(
     rows: Rows,
     joint: RecordedJoint,
     bends: Iterable[tuple[float, float]],
-    falls: Sequence[tuple[float, float]],
 ) -> tuple[list[Variant], list[Variant]]:
     """Return friction that winds up by each way and exponent: without an excess, and with each."""
-    slow = [_slowness(joint, *fall) for fall in falls]
+    falls: list[Theta] = [{"speed": float(speed), "power": GAUSSIAN} for speed in SPEEDS]
+    slow = [np.asarray(slowness(STRIBECK.fixed(joint, fall), joint)) for fall in falls]
     plain, peaked = [], []
     for way, exponent in bends:
         wound = joint.wound(way, exponent)
@@ -240,16 +239,11 @@ def _variants(
         stacked = rows.stack(rest.transformed({joint.number: columns}), columns.shape[1])
         theta = {"way": float(way), "exponent": exponent, "ratio": 0.0}
         plain.append(Variant(theta=theta, columns=stacked[:, :1], kept=(0,)))
-        for number, (speed, power) in enumerate(falls, 1):
-            beside = {**theta, "speed": speed, "power": power}
-            peaked.append(Variant(theta=beside, columns=stacked[:, [0, number]], kept=(0, 1)))
+        for number, fall in enumerate(falls, 1):
+            peaked.append(
+                Variant(theta={**theta, **fall}, columns=stacked[:, [0, number]], kept=(0, 1))
+            )
     return plain, peaked
-
-
-def _slowness(joint: RecordedJoint, speed: float, power: float) -> np.ndarray:
-    """Return 1 at rest and 0 when fast, (n,), about a speed over the top speed."""
-    values = STRIBECK.fixed(joint, {"speed": speed, "power": power})
-    return np.asarray(slowness(values, joint))
 
 
 def _with_excess(grown: Grown, rows: Rows, joint: int, peak: Peak) -> Grown | None:
