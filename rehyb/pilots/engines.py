@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rehyb.errors import FleetError, Invalid, needs_extra
+from rehyb.pilots import commands
 from rehyb.pilots.options import objection
 
 
@@ -103,6 +104,7 @@ class ParslEngine:
     Raises:
         Invalid: the provider does not take an option, the batch system's command is not here, or
             the folder's name needs quotes.
+        FleetError: the batch system does not answer.
         RehybError: parsl is not installed.
     """
 
@@ -131,6 +133,12 @@ class ParslEngine:
         with needs_extra("rehyb pilots", "pilots"):
             from parsl import providers
             from parsl.jobs.states import JobState as Parsl
+            from parsl.providers import cluster_provider
+            from parsl.providers.local import local
+        # Providers find it there.
+        runs: Sequence[Any] = (cluster_provider, local)
+        for module in runs:
+            module.execute_wait = commands.run
         # What it logs is said here again, in one sentence.
         logging.getLogger("parsl").setLevel(logging.CRITICAL)
         provider: Any = getattr(providers, kind.provider)
@@ -151,6 +159,8 @@ class ParslEngine:
             given[kind.cores] = cores
         try:
             self._provider = provider(**given)
+        except TimeoutError as error:
+            raise FleetError(str(error)) from None
         except Exception as error:
             # Whatever parsl checks, with whatever it checks.
             raise Invalid(f"[options] of {name}: {_in_one_line(error)}") from None

@@ -24,22 +24,24 @@ NO_WORK = Work(waiting=0, under_way=0)
 FAREWELL_SECONDS = 30.0
 #: Pilots that end within so many seconds, so often in a row, will not be better for another.
 SHORT_LIFE_SECONDS, SHORT_LIVES = 10.0, 5
-#: After a batch system has refused a pilot, none is submitted for so long.
+#: After a batch system has refused something, nothing more is asked of it for so long.
 REFUSED_SECONDS = 30.0
-#: Files of a keeper's folder; KEEPER names the one that wants its pilots to stay.
-ENVIRONMENT, KEEPER, JOB = "environment", "keeper", "pilot.sh"
+#: What is in a keeper's folder; TICKETS is a folder with a file for each pilot that is wanted.
+ENVIRONMENT, TICKETS, JOB = "environment", "tickets", "pilot.sh"
 
-#: What a job runs. A worker is asked to drain by a file that jobs see, in every batch system alike:
-#: not each of them passes signals on, and some kill soon after.
+#: What a job runs. A worker is asked to drain by a file that goes, in every batch system alike: not
+#: each of them passes signals on, and some kill soon after. Who has no ticket is not counted: a
+#: batch system may take a job and say that it did not.
 _JOB = """#!/bin/sh
 # Written by rehyb pilots.
-# $1: its keeper; $2: seconds to wait; the rest: what the worker is told besides.
+# $1: its ticket; $2: seconds to wait; the rest: what the worker is told besides.
 cd {folder} || exit 1
 . ./{environment}
-mine=$1
+ticket={tickets}/$1
 sleep "$2"
 shift 2
-wanted() {{ read -r keeper < {keeper} && [ "$keeper" = "$mine" ]; }} 2>/dev/null
+# Opened, since a network's folder may be remembered as it was.
+wanted() {{ true < "$ticket"; }} 2>/dev/null
 wanted || exit 0
 {worker} "$@" &
 worker=$!
@@ -80,8 +82,9 @@ class Keeper:
     folder: Path
     jobs: dict[str, JobState] = field(default_factory=dict)
     submitted: int = 0
-    #: What its pilots know it by; a new one by each `prepare`.
+    #: What its pilots' workers know it by; a new one by each `prepare`.
     name: str = ""
+    _tickets: dict[str, Path] = field(default_factory=dict)
     _standing: set[str] = field(default_factory=set)
     _starts: deque[float] = field(default_factory=lambda: deque(maxlen=10_000))
     _started_at: dict[str, float] = field(default_factory=dict)
@@ -98,7 +101,7 @@ class Keeper:
         Pilots that an earlier keeper of the folder left behind when it was killed are told to
         finish and leave: nobody counts them any more.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
+        (self.folder / TICKETS).mkdir(parents=True, exist_ok=True)
         self.name = secrets.token_hex(4)
         told = {
             "REHYB_URL": self.client.url,
@@ -113,8 +116,7 @@ class Keeper:
         # Shells read a script as they go on: what they have begun must stay what it was.
         with whole_file(self.folder / JOB) as draft:
             draft.write_text(self._script())
-        with whole_file(self.folder / KEEPER) as draft:
-            draft.write_text(f"{self.name}\n")
+        self._withdraw_tickets()
 
     @property
     def group(self) -> str:
@@ -135,7 +137,7 @@ class Keeper:
             # Pilots keep what they have; none is started for nobody knows what.
             return self._status(self._work, len(self.jobs), str(error))
         self._work = work = Work(waiting=told["waiting"], under_way=told["under_way"])
-        settings = self.settings
+        settings, quiet = self.settings, now < self._silent_until
         room = may_start(self._starts, now=now, a_minute=settings.starts_a_minute)
         next_step = step(
             work,
@@ -143,10 +145,11 @@ class Keeper:
             cores=settings.cores,
             minimum=settings.minimum,
             maximum=settings.maximum,
-            may_start=room if now >= self._silent_until else 0,
+            may_start=0 if quiet else room,
         )
         try:
-            self._cancel(next_step.cancel)
+            if not quiet:
+                self._cancel(next_step.cancel)
             for number in range(next_step.submit):
                 self._submit(number, now)
         except FleetError as error:
@@ -165,14 +168,17 @@ class Keeper:
             wait: waits so many seconds.
             on_status: is told how things stand after each wait.
         """
-        (self.folder / KEEPER).unlink(missing_ok=True)
-        left = self.settings.instance + FAREWELL_SECONDS
+        self._withdraw_tickets()
+        left = quiet_until = self.settings.instance + FAREWELL_SECONDS
         while True:
+            self._note_ended(None)
+            waiting = [job for job, state in self.jobs.items() if state == JobState.WAITING]
             try:
-                self._note_ended(None)
-                self._cancel(job for job, state in self.jobs.items() if state == JobState.WAITING)
+                if left <= quiet_until:
+                    self._cancel(waiting)
             except FleetError as error:
                 log.warning("%s", error)
+                quiet_until = left - REFUSED_SECONDS
             on_status(self._status(self._work, 0, ""))
             if not self.jobs or left <= 0.0:
                 break
@@ -188,8 +194,17 @@ class Keeper:
         standing = len(self._standing) < self.settings.minimum
         idle = "" if standing else f" --max-idle {self.settings.idle:g}"
         script = shlex.quote(str(self.folder / JOB))
-        command = f"sh {script} {self.name} {head_start(number):g}{idle}"
-        job = self.engine.submit(command, "rehyb-pilot")
+        ticket = self.folder / TICKETS / secrets.token_hex(8)
+        command = f"sh {script} {ticket.name} {head_start(number):g}{idle}"
+        try:
+            ticket.touch()
+            job = self.engine.submit(command, "rehyb-pilot")
+        except OSError as error:
+            raise FleetError(f"{ticket.parent}: {error.strerror}") from None
+        except FleetError:
+            ticket.unlink(missing_ok=True)
+            raise
+        self._tickets[job] = ticket
         self.jobs[job] = JobState.WAITING
         self.submitted += 1
         self._starts.append(now)
@@ -204,7 +219,11 @@ class Keeper:
             f"--instance-seconds {settings.instance:g}"
         )
         folder = shlex.quote(str(self.folder))
-        return _JOB.format(folder=folder, environment=ENVIRONMENT, keeper=KEEPER, worker=worker)
+        return _JOB.format(folder=folder, environment=ENVIRONMENT, tickets=TICKETS, worker=worker)
+
+    def _withdraw_tickets(self) -> None:
+        for ticket in (self.folder / TICKETS).iterdir():
+            ticket.unlink(missing_ok=True)
 
     def _cancel(self, jobs: Iterable[str]) -> None:
         chosen = list(jobs)
@@ -242,7 +261,10 @@ class Keeper:
             )
 
     def _forget(self, job: str) -> None:
+        """Count a job no more; if it is there after all, it finishes what it runs and leaves."""
         self.jobs.pop(job, None)
+        if (ticket := self._tickets.pop(job, None)) is not None:
+            ticket.unlink(missing_ok=True)
         self._standing.discard(job)
         self._started_at.pop(job, None)
 

@@ -13,7 +13,7 @@ from rehyb.client import Client
 from rehyb.durations import seconds
 from rehyb.errors import FleetError, Invalid
 from rehyb.pilots.engines import JobState
-from rehyb.pilots.keeper import ENVIRONMENT, JOB, KEEPER, SHORT_LIVES, Keeper
+from rehyb.pilots.keeper import ENVIRONMENT, JOB, SHORT_LIVES, TICKETS, Keeper
 from rehyb.pilots.scaling import Work, may_start, step
 from rehyb.pilots.settings import checked, read
 from tests.testbed.command import Run
@@ -29,9 +29,11 @@ class Batch:
         self.jobs: dict[str, JobState] = {}
         self.commands: list[str] = []
         self.refuses = ""
+        self.cancels = 0
 
     def submit(self, command: str, name: str) -> str:
         if self.refuses:
+            self.commands.append(command)
             raise FleetError(self.refuses)
         job = str(len(self.commands))
         self.commands.append(command)
@@ -42,6 +44,9 @@ class Batch:
         return {job: self.jobs[job] for job in jobs}
 
     def cancel(self, jobs: Sequence[str]) -> None:
+        self.cancels += bool(jobs)
+        if self.refuses and jobs:
+            raise FleetError(self.refuses)
         self.jobs |= dict.fromkeys(jobs, ENDED)
 
 
@@ -66,6 +71,9 @@ class Site:
             raise httpx2.ConnectError("connection refused")
         self.groups.add(request.url.params["group"])
         return httpx2.Response(200, json=self.work)
+
+    def tickets(self) -> list[str]:
+        return sorted(path.name for path in (self.keeper.folder / TICKETS).iterdir())
 
     def run(self) -> None:
         self.batch.jobs = {j: RUNNING if s == WAITING else s for j, s in self.batch.jobs.items()}
@@ -259,7 +267,7 @@ def test_draining_lets_those_that_run_finish_and_cancels_who_stays(site: Site) -
 
     def wait(seconds: float) -> None:
         waits.append(seconds)
-        assert not (site.keeper.folder / KEEPER).exists()
+        assert not site.tickets()
         if len(waits) == 5:
             site.batch.jobs["0"] = ENDED
 
@@ -269,12 +277,49 @@ def test_draining_lets_those_that_run_finish_and_cancels_who_stays(site: Site) -
 
 
 def test_the_next_keeper_of_a_folder_has_pilots_of_a_killed_one_leave(tmp_path: Path) -> None:
-    killed, restarted = Site(tmp_path), Site(tmp_path)
-    for site in (killed, restarted):
+    for _ in range(2):
+        site = Site(tmp_path)
         site.work = {"waiting": 4, "under_way": 0}
         site.keeper.look(0.0)
-    (old,), (new,) = killed.batch.commands, restarted.batch.commands
-    assert (tmp_path / KEEPER).read_text().split() == [new.split()[2]] != [old.split()[2]]
+        assert site.tickets() == [ticket(site.batch.commands[0])]
+
+
+def ticket(command: str) -> str:
+    return command.split()[2]
+
+
+def test_a_pilot_is_wanted_from_its_submission_until_it_is_counted_no_more(site: Site) -> None:
+    site.work = {"waiting": 12, "under_way": 0}
+    site.keeper.look(0.0)
+    first, second, third = map(ticket, site.batch.commands)
+    assert site.tickets() == sorted({first, second, third})
+    site.batch.jobs["0"] = ENDED
+    site.work = {"waiting": 4, "under_way": 0}
+    site.keeper.look(1.0)
+    assert site.tickets() == [second], "one ended, and the last to come was cancelled"
+
+
+def test_a_pilot_that_the_batch_system_took_though_it_refused_is_not_wanted(site: Site) -> None:
+    site.work = {"waiting": 4, "under_way": 0}
+    site.batch.refuses = "Socket timed out on send/recv operation"
+    site.keeper.look(0.0)
+    assert len(site.batch.commands) == 1 and not site.tickets()
+    site.batch.refuses = ""
+    site.keeper.look(31.0)
+    assert site.tickets() == [ticket(site.batch.commands[1])]
+
+
+def test_a_batch_system_that_cancels_nothing_is_left_alone_for_a_while(site: Site) -> None:
+    site.work = {"waiting": 4, "under_way": 0}
+    site.keeper.look(0.0)
+    site.work, site.batch.refuses = {"waiting": 0, "under_way": 0}, "scancel: error"
+    for second in range(1, 31):
+        assert "scancel: error" in site.keeper.look(float(second)).trouble
+    assert site.batch.cancels == 1
+    with pytest.raises(FleetError, match="scancel: error"):
+        site.keeper.drain(lambda _: None, lambda _: None)
+    # At 0, 30, ... and 150 s, and at the end.
+    assert site.batch.cancels == 1 + 6 + 1
 
 
 def test_a_pilot_leaves_unless_its_keeper_wants_it(
@@ -285,17 +330,20 @@ def test_a_pilot_leaves_unless_its_keeper_wants_it(
     monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
     site = Site(tmp_path / "site", worker="touch worked; echo")
 
-    def worked(keeper: str) -> bool:
+    def worked(ticket: str) -> bool:
         mark = site.keeper.folder / "worked"
         mark.unlink(missing_ok=True)
-        job = ["sh", str(site.keeper.folder / JOB), keeper, "0"]
+        job = ["sh", str(site.keeper.folder / JOB), ticket, "0"]
         assert subprocess.run(job, check=True, capture_output=True).stderr == b""
         return mark.exists()
 
+    site.work = {"waiting": 4, "under_way": 0}
+    site.keeper.look(0.0)
+    mine = ticket(site.batch.commands[0])
     assert not worked("another")
-    assert worked(site.keeper.name)
+    assert worked(mine)
     site.keeper.drain(lambda _: None, lambda _: None)
-    assert not worked(site.keeper.name)
+    assert not worked(mine)
 
 
 def test_a_keeper_leaves_the_script_that_shells_read_as_it_is(tmp_path: Path) -> None:

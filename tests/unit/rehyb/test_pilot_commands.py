@@ -1,0 +1,53 @@
+"""What is asked of a batch system, which may hang, and what it leaves behind."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from rehyb.errors import FleetError
+from rehyb.pilots.commands import run
+from rehyb.pilots.engines import ParslEngine
+
+
+def test_a_command_answers_with_its_status_and_what_it_printed() -> None:
+    assert run("echo out; echo err >&2; exit 3") == (3, "out\n", "err\n")
+    assert run(r"printf '\377'") == (0, "�", "")
+
+
+def test_a_command_answers_though_what_it_started_holds_its_output_open() -> None:
+    began = time.monotonic()
+    assert run("sleep 3 & echo done", 2.0) == (0, "done\n", "")
+    assert time.monotonic() - began < 2.0
+
+
+def test_a_command_that_hangs_is_one_sentence_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    late = tmp_path / "late"
+    with pytest.raises(TimeoutError, match=r"^sh gave no answer within 0\.05 s$"):
+        run(f"sh -c 'sleep 0.2; touch {late}' & wait", 0.05)
+    time.sleep(0.3)
+    assert not late.exists()
+
+
+def test_a_batch_system_that_hangs_is_said_in_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commands = tmp_path / "bin"
+    commands.mkdir()
+    for name, script in {
+        "sacct": "exit 1",
+        "sbatch": "echo 'sbatch: warning: odd' >&2; exec sleep 60",
+    }.items():
+        (commands / name).write_text(f"#!/bin/sh\n{script}\n")
+        (commands / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{commands}:/usr/bin:/bin")
+    engine = ParslEngine(
+        "slurm",
+        folder=tmp_path / "site",
+        walltime=60.0,
+        cores=1,
+        before="",
+        options={"cmd_timeout": 1},
+    )
+    with pytest.raises(FleetError, match=r"^sbatch gave no answer within 1 s$"):
+        engine.submit("true", "pilot")
