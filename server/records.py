@@ -18,7 +18,14 @@ from analysis.designs.groups import units_of
 from analysis.sensitivity.judgement.stopping import Goal
 from models.curves import Curve
 from models.description import Description
-from server.states import CloseLoopState, ComparisonState, InstanceState, JobKind, StudyState
+from server.states import (
+    CloseLoopState,
+    ComparisonState,
+    InstanceState,
+    JobKind,
+    Outcome,
+    StudyState,
+)
 
 T = TypeVar("T")
 
@@ -104,10 +111,16 @@ class Study:
     priority: int = 0
     #: What a worker must call itself to be given any of it.
     tags: tuple[str, ...] = ()
-    #: The code that began it (`server.logic.fleet.hosts.identity`); None before its first lease.
+    #: The code of who got the first lease (`server.logic.fleet.hosts.identity`), see `bound_to`.
     identity: Mapping[str, str] | None = None
     #: Grows with every change that makes earlier readings of its log or its size obsolete.
     edition: int = 0
+
+    @property
+    def bound_to(self) -> Mapping[str, str] | None:
+        """The code that it belongs to; None: nobody has computed any of it, or holds any."""
+        computed = self.result_count - self.failures.get(Outcome.LOST, 0)
+        return self.identity if computed or self.leased else None
 
     @property
     def pending(self) -> int:

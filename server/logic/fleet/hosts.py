@@ -55,10 +55,10 @@ def objection_to_worker(study: Study, worker: Introduction) -> str | None:
     if objection := objection_to_models(study, worker):
         return objection
     theirs = identity(worker.versions)
-    if study.identity is None or study.identity == theirs:
+    if study.bound_to is None or study.bound_to == theirs:
         return None
     return (
-        f"study {study.id} was begun with {_in_words(study.identity)}, but this worker has "
+        f"study {study.id} was begun with {_in_words(study.bound_to)}, but this worker has "
         f"{_in_words(theirs)}: install the same rehyb and MuJoCo here, or begin the study anew "
         f"with `rehyb study rerun {study.id} --which all`"
     )

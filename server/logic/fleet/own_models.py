@@ -55,7 +55,7 @@ def _otherwise(study: Study, worker: Introduction) -> str | None:
     """
     model = study.plan.model
     versions = {one for one in worker.models if "@" in one and _name(one) == model}
-    if study.identity is not None or not versions or own_versions().get(model) in versions:
+    if study.bound_to is not None or not versions or own_versions().get(model) in versions:
         return None
     return (
         f"study {study.id} samples {model}, which has other factors or outputs in the rehyb of "

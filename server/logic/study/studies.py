@@ -29,13 +29,13 @@ def handed_out(study: Study, *, begun: int, leased: int, identity: Mapping[str, 
     Args:
         begun: instances in rows that the lease begins.
         leased: instances that it holds.
-        identity: the code that begins the study, if none has before.
+        identity: the code of who gets it, to which the study belongs if it does to none.
     """
     return replace(
         study,
         handed_out=study.handed_out + begun,
         leased=study.leased + leased,
-        identity=identity if study.identity is None else study.identity,
+        identity=identity if study.bound_to is None else study.identity,
     )
 
 

@@ -100,6 +100,10 @@ async def _lease_instances(
     """Hand out instances of the locked study; None if it has none for this host class."""
     if not study.state.is_served:
         return None
+    mine = identity(request.worker.versions)
+    if study.identity is not None and study.identity != mine:
+        # Whoever had it is gone without a result: what comes late is not mixed with this worker's.
+        await served.begin_anew(study)
     host_class = request.host_class(study.plan.model)
     again = await _returned(served, study, exchange, request, host_class) if study.returned else []
     wanted = request.max_instances - len(again) if study.state == StudyState.RUNNING else 0
@@ -130,7 +134,7 @@ async def _lease_instances(
         study,
         begun=len(begun),
         leased=len(again) + fresh,
-        identity=identity(request.worker.versions),
+        identity=mine,
     )
     places = [*((one.row, one.position) for one in again), *begun[:fresh]]
     return _granted(served, lease_id, exchange, request, places)

@@ -12,7 +12,7 @@ from server.logic.study.studies import with_changes, with_found
 from server.operations.fleet.exchange import Exchange, Grant, Post, Served
 from server.records import Instance, Lease, Place, Result, Study
 from server.states import InstanceState
-from server.store.fleet.rare import hosts_at_work, put_in_place
+from server.store.fleet.rare import hosts_at_work, put_in_place, unbind
 from server.store.fleet.turn_changes import Changes
 from server.store.fleet.turns import Seen, Turn
 
@@ -129,6 +129,14 @@ class ServedStudy:
         await self.write()
         await put_in_place(self.turn, self.study, lease.worker, found, now=self._now)
         self.study = with_found(self.study, found)
+
+    async def begin_anew(self, study: Study) -> None:
+        """Leave the rows of a study, of which nobody has computed anything, to any host class."""
+        await self.write()
+        await unbind(self.turn, study)
+        for row in self._rows.values():
+            row.update({place: replace(one, host_class=None) for place, one in row.items()})
+        self.pending, self.stale = {}, True
 
     async def at_work(self, study: Study, host_class: str | None) -> set[str]:
         """Return the hosts of a host class that work on a study."""

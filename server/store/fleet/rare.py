@@ -33,6 +33,14 @@ _START_OVER = [
 ]
 
 
+_UNBIND = SetStatement("UPDATE instances SET host_class = NULL WHERE study_id = %s")
+
+
+async def unbind(turn: Turn, study: Study) -> None:
+    """Leave the begun rows of a study, of which nobody holds anything, to any host class."""
+    await turn.trip(_UNBIND.statements(turn.dialect, study.id))
+
+
 async def hosts_at_work(
     turn: Turn, study: Study, host_class: str | None, *, now: float, heard_after: float
 ) -> set[str]:

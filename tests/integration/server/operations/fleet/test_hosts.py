@@ -94,6 +94,50 @@ def test_a_misfit_is_fed_from_another_study_and_hears_nothing_when_nothing_is_le
     assert grant.study.id == second
 
 
+def test_a_study_belongs_to_nobody_once_who_began_it_is_gone_without_a_result(
+    engine: Engine, plan: Drawing, report: Reporting
+) -> None:
+    study = create(engine, plan(rows=2))
+    gone = lease(engine, {"platform": "?"}, 3)
+    assert gone is not None
+    with pytest.raises(ConflictError, match="was begun with code unknown, mujoco unknown"):
+        lease(engine, LINUX, now=TTL - 1.0)
+    leases.reap(engine, now=TTL, ttl=TTL)
+    grant = lease(engine, LINUX, 8, now=TTL)
+    assert grant is not None and len(places(grant)) == 8
+    assert studies.get(engine, study).identity == identity(LINUX)
+    # Who had it comes back: its numbers are not mixed with those of other code.
+    late = reports(gone, report)
+    assert post(engine, gone, late, now=TTL) == ["conflict"] * 3
+    assert set(post(engine, grant, reports(grant, report), now=TTL)) == {"accepted"}
+    assert studies.get(engine, study).state == "complete"
+
+
+def test_results_that_only_say_that_a_worker_fell_silent_bind_a_study_to_no_code(
+    engine: Engine, plan: Drawing, report: Reporting
+) -> None:
+    study = create(engine, plan(rows=1))
+    for attempt in range(5):
+        gone = lease(engine, OLD, 2, now=attempt * TTL)
+        leases.reap(engine, now=(attempt + 1) * TTL, ttl=TTL)
+    assert studies.get(engine, study).failures == {"lost": 2}
+    assert len(places(lease(engine, LINUX, 4, now=5 * TTL))) == 2
+    assert gone is not None
+    assert post(engine, gone, reports(gone, report), now=5 * TTL) == ["conflict"] * 2
+
+
+def test_a_late_result_binds_a_study_to_the_code_of_who_was_gone(
+    engine: Engine, plan: Drawing, report: Reporting
+) -> None:
+    create(engine, plan(rows=1))
+    gone = lease(engine, OLD, 2)
+    assert gone is not None
+    leases.reap(engine, now=TTL, ttl=TTL)
+    assert post(engine, gone, reports(gone, report)[:1], now=TTL) == ["accepted"]
+    with pytest.raises(ConflictError, match=r"was begun with code c0de, mujoco 3\.9\.0"):
+        lease(engine, LINUX, now=TTL)
+
+
 def test_a_tagged_study_goes_to_workers_with_all_its_tags(engine: Engine, plan: Drawing) -> None:
     create(engine, plan(), tags=["lab", "fast"])
     with pytest.raises(ConflictError, match="is for workers tagged fast"):

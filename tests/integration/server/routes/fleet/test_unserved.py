@@ -40,6 +40,21 @@ def test_progress_says_why_nobody_who_is_there_works_on_a_study(
     assert "No worker is on this study now: study" in page and "mujoco 9.9.9" in page
 
 
+def test_who_began_a_study_and_gave_it_back_without_a_result_keeps_it_from_nobody(
+    client: TestClient, study: Json
+) -> None:
+    silent = {"id": "evil", "host": "nowhere", "versions": {}}
+    lease = client.post("/v1/leases", json=asking(worker=silent, max_instances=6)).json()
+    assert client.post("/v1/leases", json=asking()).status_code == 409
+    given_back = client.post(f"/v1/leases/{lease['id']}/release", json={"fence": lease["fence"]})
+    assert given_back.status_code == 200
+    mine = client.post("/v1/leases", json=asking()).json()
+    assert len(mine["instances"]) == 10, "all of both rows, begun or not"
+    posted = posting(mine, [result(one) for one in mine["instances"]])
+    assert client.post("/v1/results", json=posted).status_code == 200
+    assert client.get(f"/v1/studies/{study['id']}").json()["state"] == "complete"
+
+
 @pytest.mark.parametrize("model", ["elbow_passive", "elbow_bushing_effects"])
 def test_a_worker_of_an_older_rehyb_is_told_what_it_lacks_and_progress_and_page_say_so(
     client: TestClient, model: str

@@ -47,7 +47,7 @@ def test_while_nobody_of_a_group_was_seen_all_that_waits_counts() -> None:
             "study s samples pump@1, whose code none of these workers has "
             "(rehyb-worker --models or --allow)",
         ),
-        (waiting(study(identity={"code": "b"})), "study s was begun with code b"),
+        (waiting(study(identity={"code": "b"}, leased=1)), "study s was begun with code b"),
         (
             waiting(study(), by_class={"other": 8}),
             "begun rows of study s can go to another kind of machine only",
@@ -68,7 +68,7 @@ def test_what_none_of_a_group_may_have_does_not_wait_for_it_and_the_reason_is_to
         (waiting(study(tags=("gpu",))), worker(tags=["gpu"])),
         (waiting(study("pump@1")), worker(models={"pump@1": "c"})),
         (waiting(study("pump@1"), to_be_had=True), worker()),
-        (waiting(study(identity={"code": "b"})), worker(versions={"code": "b"})),
+        (waiting(study(identity={"code": "b"}, leased=1)), worker(versions={"code": "b"})),
         (waiting(study(), by_class={host_class({"code": "b"}): 8}), worker(versions={"code": "b"})),
         (waiting(study(), by_class={None: 8}), worker()),
     ],

@@ -59,7 +59,7 @@ def test_any_worker_may_begin_a_study(plan: Callable[..., Plan]) -> None:
 def test_other_code_may_not_go_on_with_it_and_is_told_what_to_do(
     plan: Callable[..., Plan],
 ) -> None:
-    study = begun(plan, identity={"code": "c0", "mujoco": "4.0.1"})
+    study = begun(plan, identity={"code": "c0", "mujoco": "4.0.1"}, leased=1)
     assert objection_to_worker(study, asks({"code": "c1"})) == (
         "study s was begun with code c0, mujoco 4.0.1, but this worker has code c1, mujoco "
         "unknown: install the same rehyb and MuJoCo here, or begin the study anew with "

@@ -53,5 +53,5 @@ def test_a_worker_whose_model_lacks_a_factor_begins_no_study_of_it_and_may_go_on
     named = (*mine, *mine.values())
     said = str(objection("elbow_effects", named))
     assert "elbow_effects, which has other factors or outputs in the rehyb of this worker:" in said
-    assert objection("elbow_effects", named, identity={"code": "a"}) is None
+    assert objection("elbow_effects", named, identity={"code": "a"}, leased=1) is None
     assert objection("elbow", named) is None

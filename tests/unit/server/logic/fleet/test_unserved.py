@@ -33,7 +33,7 @@ def test_one_who_may_is_enough() -> None:
 
 def test_tags_code_and_models_that_nobody_has_are_named() -> None:
     assert "workers tagged gpu" in str(why_it_waits(study(tags=("gpu",)), [worker()]))
-    other = study(identity={"code": "b"})
+    other = study(identity={"code": "b"}, leased=1)
     said = str(why_it_waits(other, [worker(), worker(id="x")]))
     assert "code b" in said and said.count("was begun with") == 1
     own = study()
@@ -55,7 +55,7 @@ def test_why_workers_refuse_a_model_is_told_once_of_each_host() -> None:
 
 def test_no_more_than_three_objections_are_listed() -> None:
     theirs = [worker(versions={"code": code}) for code in "bcde"]
-    said = str(why_it_waits(study(identity={"code": "a"}), theirs))
+    said = str(why_it_waits(study(identity={"code": "a"}, leased=1), theirs))
     assert [part.count("this worker has code") for part in said.split("; ")] == [1, 1, 1]
     assert "; study s was begun" in said
     assert "code d" in said and "code e" not in said

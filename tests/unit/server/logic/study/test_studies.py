@@ -83,6 +83,26 @@ def test_the_first_lease_binds_the_study_to_its_code_and_later_ones_do_not(study
     assert (later.handed_out, later.leased, later.identity) == (12, 5, {"code": "a"})
 
 
+@pytest.mark.parametrize(
+    ("changes", "bound"),
+    [
+        ({}, False),
+        ({"leased": 1}, True),
+        ({"result_count": 1, "ok_count": 1}, True),
+        ({"result_count": 1, "failures": {"strap_lost": 1}}, True),
+        ({"result_count": 2, "failures": {"lost": 2}}, False),
+        ({"result_count": 2, "failures": {"lost": 1, "crashed": 1}}, True),
+    ],
+)
+def test_a_study_belongs_to_the_code_that_has_computed_or_holds_some_of_it(
+    study: Making, changes: dict[str, Any], bound: bool
+) -> None:
+    begun = study(identity={"code": "a"}, **changes)
+    assert begun.bound_to == ({"code": "a"} if bound else None)
+    after = studies.handed_out(begun, begun=0, leased=1, identity={"code": "b"})
+    assert after.identity == {"code": "a" if bound else "b"}
+
+
 def test_a_row_is_complete_with_the_last_of_its_results(study: Making) -> None:
     before = row_of("done", "done", "leased", "leased")
     running = study(handed_out=4, leased=2, result_count=2, ok_count=1, failures={"diverged": 1})
