@@ -1,6 +1,7 @@
 """Every refusal as an RFC 9457 problem: one body shape for 4xx and 5xx alike."""
 
 import logging
+import sys
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
@@ -79,15 +80,20 @@ def install(app: FastAPI) -> None:
         return problem(status, str(error), members=members)
 
     @app.exception_handler(RequestValidationError)
-    def invalid(_request: Request, error: RequestValidationError) -> JSONResponse:
-        return problem(
-            HTTPStatus.UNPROCESSABLE_ENTITY,
-            "the request is not what this route takes",
-            members={"errors": [_fault(item) for item in error.errors()]},
-        )
+    def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
+        if isinstance(error.body, bytes):
+            # What is not said to be JSON is not read as JSON.
+            kind = request.headers.get("content-type")
+            said = f"'s Content-Type is {kind}" if kind else " has no Content-Type"
+            why = f"the request{said}: send application/json"
+            return problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, why)
+        return _not_taken([_fault(item) for item in error.errors()])
 
     @app.exception_handler(HTTPException)
     def http(_request: Request, error: HTTPException) -> JSONResponse:
+        if isinstance(error.__cause__, RecursionError | ValueError):
+            # FastAPI read a body and does not say what was wrong.
+            return _not_taken([_entry("", f"the body is not JSON: {_flaw(error.__cause__)}")])
         return problem(error.status_code, str(error.detail), headers=error.headers)
 
     @app.exception_handler(DBAPIError)
@@ -115,13 +121,33 @@ def unless_away(error: Exception) -> JSONResponse:
     )
 
 
+def _not_taken(errors: Sequence[Mapping[str, str]]) -> JSONResponse:
+    return problem(
+        HTTPStatus.UNPROCESSABLE_ENTITY,
+        "the request is not what this route takes",
+        members={"errors": errors},
+    )
+
+
+def _entry(pointer: str, detail: str) -> dict[str, str]:
+    return {"pointer": pointer, "detail": detail}
+
+
+def _flaw(error: RecursionError | ValueError) -> str:
+    """Say why Python does not read a text as JSON, though JSON's grammar may allow it."""
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    if isinstance(error, UnicodeDecodeError):
+        return f"it is not UTF-8 from byte {error.start} on"
+    return f"a whole number in it has more than {sys.get_int_max_str_digits()} digits"
+
+
 def _fault(item: Mapping[str, Any]) -> dict[str, str]:
     """Return one validation error as an entry of `errors`."""
     if item["type"] == "json_invalid":
         where = "".join(f" at character {place}" for place in item["loc"][1:])
-        why = f"the body is not JSON: {item['ctx']['error']}{where}"
-        return {"pointer": "", "detail": why}
-    return {"pointer": _pointer(item["loc"]), "detail": item["msg"]}
+        return _entry("", f"the body is not JSON: {item['ctx']['error']}{where}")
+    return _entry(_pointer(item["loc"]), item["msg"])
 
 
 def _pointer(location: Sequence[str | int]) -> str:

@@ -171,11 +171,35 @@ def test_numbers_that_are_not_finite_are_refused(client: TestClient) -> None:
         assert is_problem(response, 422)["errors"][0]["pointer"] == "/fixed/x1"
 
 
-def test_a_body_that_is_not_json_is_a_problem(client: TestClient) -> None:
-    response = client.post(
-        "/v1/studies", content='{"name": ', headers={"Content-Type": "application/json"}
-    )
-    assert "not JSON" in is_problem(response, 422)["errors"][0]["detail"]
+@pytest.mark.parametrize(
+    ("body", "why"),
+    [
+        (b'{"name": ', "Expecting value at character 9"),
+        (b"[" * 100_000, "it is nested too deeply"),
+        (b'{"name": "\xff"}', "it is not UTF-8 from byte 10 on"),
+        (b'{"rows": ' + b"9" * 5000 + b"}", "a whole number in it has more than 4300 digits"),
+    ],
+)
+def test_a_body_that_is_not_json_is_a_problem(client: TestClient, body: bytes, why: str) -> None:
+    headers = {"Content-Type": "application/json"}
+    response = client.post("/v1/studies", content=body, headers=headers)
+    assert is_problem(response, 422)["errors"] == [
+        {"pointer": "", "detail": f"the body is not JSON: {why}"}
+    ]
+
+
+@pytest.mark.parametrize(
+    ("headers", "said"),
+    [
+        ({}, "the request has no Content-Type"),
+        ({"Content-Type": "text/plain"}, "the request's Content-Type is text/plain"),
+    ],
+)
+def test_json_that_is_not_called_so_is_a_problem_that_says_what_to_send(
+    client: TestClient, headers: Json, said: str
+) -> None:
+    response = client.post("/v1/studies", content=json.dumps(STUDY), headers=headers)
+    assert is_problem(response, 415)["detail"] == f"{said}: send application/json"
 
 
 REFUSED: list[tuple[str, str, int]] = [
