@@ -9,7 +9,14 @@ from analysis.json_values import is_finite_number
 from analysis.sensitivity.records import LARGEST_OUTPUT
 from models.curves import Curve, CurveError, unfolded
 from server.logic.json_values import cut, flaw_in
-from server.logic.study.instances import BUDGETS, RESERVED, RETRIED, after_attempt, with_result
+from server.logic.study.instances import (
+    BUDGETS,
+    RESERVED,
+    RETRIED,
+    STANDINGS,
+    after_attempt,
+    with_result,
+)
 from server.records import Instance, Lease, Place, Result, record
 from server.states import InstanceState, Outcome, Verdict
 
@@ -21,7 +28,7 @@ LONGEST_RUN = 1e9
 STATE_DEPTH, STATE_VALUES = 32, 100_000
 
 _NONE: Mapping[str, Curve] = MappingProxyType({})
-_OUTCOME = re.compile(r"[a-z_]{1,40}")
+_OUTCOME = re.compile(r"[a-z_][a-z0-9_]{0,39}")
 
 # Looked up once: in Python 3.11 a member of an enum takes as long as a call.
 _OK, _LEASED, _ACCEPTED = Outcome.OK, InstanceState.LEASED, Verdict.ACCEPTED
@@ -182,9 +189,11 @@ def fault_in(
     """
     ok = report.outcome == _OK
     if not ok and not _OUTCOME.fullmatch(report.outcome):
-        return "the outcome must be 'ok' or a failure in 1 to 40 lower-case letters and underscores"
+        return "the outcome must be 'ok' or a failure in 1 to 40 of a to z, 0 to 9 and _"
     if report.outcome in RESERVED:
         return f"only the coordinator concludes {report.outcome!r}"
+    if report.outcome in STANDINGS:
+        return f"{report.outcome!r} is where an instance stands, and no outcome"
     wall = report.wall_seconds
     if wall is not None and not (is_finite_number(wall) and 0 <= wall <= LONGEST_RUN):
         return f"wall_seconds must be a number from 0 to {LONGEST_RUN:g}, or null"

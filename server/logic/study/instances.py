@@ -25,6 +25,8 @@ BUDGETS: Mapping[str, int] = {
 #: Those of them that a worker may report; the others only the coordinator concludes.
 RETRIED = (Outcome.CRASHED, Outcome.TIMED_OUT)
 RESERVED = (Outcome.LOST, Outcome.INVALID)
+#: Where an instance stands: whoever looks for those that stand so finds none that ended so.
+STANDINGS = (*InstanceState, "quarantined")
 #: Counted if a worker never heard that it was given the instance: of no budget, as the instance has
 #: no part in it, but others are asked first.
 UNHEARD = "unheard"

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from models.evaluation import ModelFailure
 from server.logic.fleet.verdicts import REASON_LENGTH, Judgement, Report, fault_in, judge, judge_all
 from server.records import Instance, Lease, Result
 from server.states import REFUSALS, InstanceState
@@ -307,11 +308,19 @@ def test_attempts_beyond_the_budget_are_counted_as_they_are(report: Reporting) -
     assert (final.state, final.wall_seconds, final.reason) == ({"t": 1.0}, 2.0, "r")
 
 
+def test_a_failure_may_have_any_name_that_a_model_may_give_it(report: Reporting) -> None:
+    for name in ("diverged", "step2_failed", "e" * 40):
+        assert fault_in(report("i", outcome=name), ["y"]) is None
+        assert ModelFailure(name, "").outcome == name
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"outcome": "Bad"}, "the outcome must be 'ok' or a failure in 1 to 40 lower-case"),
+        ({"outcome": "Bad"}, "the outcome must be 'ok' or a failure in 1 to 40 of a to z"),
         ({"outcome": "lost"}, "only the coordinator concludes 'lost'"),
+        ({"outcome": "pending"}, "'pending' is where an instance stands, and no outcome"),
+        ({"outcome": "quarantined"}, "'quarantined' is where an instance stands, and no outcome"),
         ({"wall_seconds": -1e-9}, "wall_seconds must be a number from 0 to 1e+09, or null"),
         ({"wall_seconds": 1e308}, "wall_seconds must be a number from 0 to 1e+09, or null"),
         ({"state": _nested(33)}, "the state is nested more than 32 deep"),
