@@ -19,6 +19,10 @@ class ConflictError(CoordinatorError):
     """The request contradicts what is already so."""
 
 
+class BadSettingError(CoordinatorError):
+    """What an operator has set or typed cannot be."""
+
+
 class InvalidStudyError(CoordinatorError):
     """A study cannot be drawn up from the request."""
 

@@ -1,5 +1,7 @@
 """What an operator decides about a coordinator, from the environment: REHYB_TOKEN and the like."""
 
+import ssl
+from pathlib import Path
 from typing import Literal, Self
 
 from pydantic import Field, SecretStr, field_validator, model_validator
@@ -53,6 +55,8 @@ class Settings(BaseSettings):
     def _goes_together(self) -> Self:
         if (self.tls_certificate is None) != (self.tls_key is None):
             raise ValueError("TLS needs both REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY")
+        if self.tls_certificate is not None and self.tls_key is not None:
+            _check_tls(self.tls_certificate, self.tls_key)
         return self
 
     @field_validator("token", mode="before")
@@ -62,3 +66,32 @@ class Settings(BaseSettings):
         if not found:
             raise ValueError("set it to a secret that every request to /v1 must bear")
         return SecretStr(found)
+
+
+def _check_tls(certificate: str, key: str) -> None:
+    """Raise ValueError unless files hold a certificate and its key; of errors OpenSSL says little.
+
+    That of a key with a password is found when it is asked for.
+    """
+    found = _pem("REHYB_TLS_KEY", key, "PRIVATE KEY")
+    _pem("REHYB_TLS_CERTIFICATE", certificate, "CERTIFICATE")
+    if "ENCRYPTED" in found:
+        return
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
+    except ssl.SSLError as error:
+        raise ValueError(
+            "REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY must be a certificate and its own key; "
+            f"{certificate} and {key} are not: {error.reason or error}"
+        ) from None
+
+
+def _pem(variable: str, file: str, what: str) -> str:
+    """Return the text of a PEM file; ValueError if it is none."""
+    try:
+        text = Path(file).read_text(errors="replace")
+    except OSError as error:
+        raise ValueError(f"{variable}: {file} cannot be read: {error.strerror}") from None
+    if f"{what}-----" not in text:
+        raise ValueError(f"{variable}: {file} is no PEM file with a {what.lower()}")
+    return text

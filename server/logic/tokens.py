@@ -7,6 +7,8 @@ from collections.abc import Collection, Mapping
 
 #: submit: make and control studies. work: lease and post. read: look at everything. admin: all.
 SCOPES = ("submit", "work", "read", "admin")
+#: Most characters of a token's name.
+NAME_LENGTH = 128
 #: Bytes of randomness in a secret; nobody guesses these, however fast they may try.
 SECRET_BYTES = 24
 #: Failures of one address within FAILURE_SECONDS after which its wrong tokens are no longer
@@ -19,6 +21,11 @@ Believed = dict[bytes | str, tuple[float, tuple[str, tuple[str, ...]]]]
 
 #: What whoever works must have.
 _OF_WORK = re.compile(r"/v1/sessions/[^/]+/archive|/v1/models(/.*)?|/v1/work")
+
+
+def is_name(text: str) -> bool:
+    """Say whether a token may be called so: in a list it takes one line, and is seen."""
+    return 0 < len(text) <= NAME_LENGTH and text.isprintable() and not text.isspace()
 
 
 def new_secret() -> str:

@@ -5,8 +5,8 @@ from uuid import uuid4
 
 from sqlalchemy.engine import Engine
 
-from server.errors import ConflictError
-from server.logic.tokens import SCOPES, digest, new_secret
+from server.errors import BadSettingError
+from server.logic.tokens import NAME_LENGTH, SCOPES, digest, is_name, new_secret
 from server.records import Token
 from server.store import tokens
 from server.store.database.engine import alone_reading, reading, writing
@@ -18,12 +18,16 @@ def create(engine: Engine, *, name: str, scopes: Sequence[str], now: float) -> t
     """Make a token; returns it and its secret, which can never be had again.
 
     Raises:
-        ConflictError: a scope is unknown, or there is none.
+        BadSettingError: a scope is unknown, or there is none; or the name is none.
     """
+    if not is_name(name):
+        raise BadSettingError(
+            f"a token's name is a line of 1 to {NAME_LENGTH} characters, not {name[:NAME_LENGTH]!r}"
+        )
     if unknown := [scope for scope in scopes if scope not in SCOPES]:
-        raise ConflictError(f"there is no scope {unknown[0]!r}: take {', '.join(SCOPES)}")
+        raise BadSettingError(f"there is no scope {unknown[0]!r}: take {', '.join(SCOPES)}")
     if not scopes:
-        raise ConflictError(f"a token needs a scope: {', '.join(SCOPES)}")
+        raise BadSettingError(f"a token needs a scope: {', '.join(SCOPES)}")
     secret = new_secret()
     token = Token(
         id=uuid4().hex[:8],

@@ -162,7 +162,7 @@ def _wait_until_current(engine: "Engine", url: str, stop: threading.Event) -> No
 def _check_there(url: str) -> None:
     """Raise NoDatabaseError if a SQLite database is nowhere: opening it would make an empty one."""
     file = url.removeprefix("sqlite:///")
-    if file != url and not Path(file).exists():
+    if file not in (url, ":memory:") and not Path(file).exists():
         raise NoDatabaseError(
             f"there is no database {Path(file).absolute()}: set REHYB_DATABASE_URL, as in "
             "sqlite:///.rehyb/rehyb.sqlite3, where `rehyb up` keeps it"
@@ -181,10 +181,12 @@ def in_one_sentence() -> Iterator[None]:
     """Turn what the server raises at start into this command's errors."""
     from sqlalchemy.exc import SQLAlchemyError
 
-    from server.errors import CoordinatorError
+    from server.errors import BadSettingError, CoordinatorError
 
     try:
         yield
+    except BadSettingError as error:
+        raise Invalid(str(error)) from error
     except (CoordinatorError, OSError) as error:
         raise RehybError(str(error)) from error
     except SQLAlchemyError as error:

@@ -15,7 +15,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection, Engine
 from sqlalchemy.exc import ArgumentError
 
-from server.errors import CoordinatorError
+from server.errors import BadSettingError
 from server.store.database.prepared import failure
 from server.store.database.presence import Presence
 
@@ -50,7 +50,7 @@ def create_engine(
             for a lock for longer than `LOCK_SECONDS`.
 
     Raises:
-        CoordinatorError: there is no such kind of database, or the URL is none, or names no file.
+        BadSettingError: there is no such kind of database, or the URL is none, or names no file.
     """
     engine = sa.create_engine(
         of_known_kind(url),
@@ -81,7 +81,7 @@ def create_engine(
 
 
 def of_known_kind(url: str) -> sa.URL:
-    """Return the URL of a database that a coordinator can have; CoordinatorError if it is none."""
+    """Return the URL of a database that a coordinator can have; BadSettingError if it is none."""
     with suppress(ArgumentError, ValueError):
         found = sa.make_url(url)
         if found.drivername == "sqlite":
@@ -89,7 +89,7 @@ def of_known_kind(url: str) -> sa.URL:
         if found.drivername in KINDS:
             return found
     kind = url.partition("://")[0]
-    raise CoordinatorError(
+    raise BadSettingError(
         "the database's URL must be sqlite:///FILE or postgresql+psycopg://USER@HOST:PORT/NAME; "
         f"the one that begins with {kind[:40]!r} cannot be used"
     )
@@ -101,7 +101,7 @@ def _of_a_file(url: sa.URL) -> sa.URL:
     named = url.host is None and url.database not in (None, "", ":memory:")
     if named and url.query.get("mode") != "memory":
         return url
-    raise CoordinatorError(
+    raise BadSettingError(
         "the database's URL names no file: sqlite:///FILE has three slashes, and a fourth before "
         "a path from the root"
     )

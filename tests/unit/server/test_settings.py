@@ -1,5 +1,7 @@
 """What an operator decides."""
 
+from pathlib import Path
+
 import pytest
 from pydantic import ValidationError
 
@@ -75,3 +77,27 @@ def test_tls_needs_certificate_and_key(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("REHYB_TLS_KEY", "key.pem")
     with pytest.raises(ValidationError, match="both REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY"):
         Settings()
+
+
+def test_a_file_that_is_no_certificate_or_key_is_named_with_its_variable(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    certificate, key = tmp_path / "c.pem", tmp_path / "k.pem"
+    monkeypatch.setenv("REHYB_TOKEN", "t")
+    monkeypatch.setenv("REHYB_TLS_CERTIFICATE", str(certificate))
+    monkeypatch.setenv("REHYB_TLS_KEY", str(key))
+
+    def said() -> str:
+        with pytest.raises(ValidationError) as refused:
+            Settings()
+        return refused.value.errors()[0]["msg"].removeprefix("Value error, ")
+
+    assert said() == f"REHYB_TLS_KEY: {key} cannot be read: No such file or directory"
+    key.write_text("-----BEGIN PRIVATE KEY-----\nAAAA\n-----END PRIVATE KEY-----\n")
+    certificate.write_bytes(b"\xff\x00")
+    assert said() == f"REHYB_TLS_CERTIFICATE: {certificate} is no PEM file with a certificate"
+    certificate.write_text(key.read_text().replace("PRIVATE KEY", "CERTIFICATE"))
+    assert said().startswith(
+        "REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY must be a certificate and its own key; "
+        f"{certificate} and {key} are not: "
+    )

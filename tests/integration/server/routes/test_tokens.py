@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 from sqlalchemy.engine import Engine
 
 from rehyb.cli import main
-from server.errors import ConflictError, NotFoundError
+from server.errors import BadSettingError, NotFoundError
 from server.logic.tokens import FAILURES, Failures, may, scopes_needed
 from server.operations import tokens
 from server.store.database.engine import reading
@@ -165,10 +165,13 @@ def test_the_database_holds_no_secret(engine: Engine) -> None:
 
 
 def test_wrong_scopes_and_ids_are_refused(engine: Engine) -> None:
-    with pytest.raises(ConflictError, match="there is no scope 'root': take submit, work"):
+    with pytest.raises(BadSettingError, match="there is no scope 'root': take submit, work"):
         tokens.create(engine, name="n", scopes=["root"], now=1.0)
-    with pytest.raises(ConflictError, match="a token needs a scope"):
+    with pytest.raises(BadSettingError, match="a token needs a scope"):
         tokens.create(engine, name="n", scopes=[], now=1.0)
+    for name in ("", " ", "a\nb", "a\x1bb", "n" * 129):
+        with pytest.raises(BadSettingError, match="a token's name is a line of 1 to 128 char"):
+            tokens.create(engine, name=name, scopes=["work"], now=1.0)
     with pytest.raises(NotFoundError, match="rehyb token list"):
         tokens.revoke(engine, "nothing", now=1.0)
 

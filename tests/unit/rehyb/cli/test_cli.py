@@ -197,7 +197,7 @@ def test_a_database_without_a_file_is_one_sentence_and_leaves_none(
     monkeypatch.setenv("REHYB_DATABASE_URL", url)
     monkeypatch.setattr("signal.signal", lambda *_: None)
     status, _, err = run(*command.split())
-    assert status == 1 and len(err.splitlines()) == 1
+    assert status == 2 and len(err.splitlines()) == 1
     assert "no file" in err or "there is no database" in err
     assert not list(tmp_path.iterdir())
 
@@ -208,7 +208,7 @@ def test_a_copy_into_no_file_is_one_sentence(
     monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{tmp_path / 'a.sqlite3'}")
     run("db", "upgrade")
     status, _, err = run("db", "copy", "sqlite://")
-    assert status == 1
+    assert status == 2
     assert err.startswith("rehyb: the database's URL names no file") and err.count("\n") == 1
 
 
