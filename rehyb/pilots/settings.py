@@ -14,6 +14,10 @@ from rehyb.pilots.engines import ENGINES
 
 #: Seconds of a pilot's walltime that are not its worker's: to load what it needs, and to end.
 AROUND_SECONDS = 30.0
+#: A year, in seconds: no batch system lets a job stay for longer, nor reads such a time.
+LONGEST = 366 * 86400.0
+#: No machine has as many cores, and no site as many pilots.
+MOST = 100_000
 #: A worker needs so long to say goodbye (`worker.cli` refuses a shorter life).
 SHORTEST_LIFE = 10.0
 
@@ -104,15 +108,32 @@ def _value(name: str, value: Any) -> Any:
     if name in _TIMES:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise Invalid(f"{name} is a time like 90, '30m' or '2h', not {value!r}")
-        return seconds(str(value), name)
+        found = seconds(str(value), name)
+        if found > LONGEST:
+            raise Invalid(f"{name} is a year at most, not {str(value)[:40]!r}")
+        return found
     if name in _COUNTS:
-        if isinstance(value, bool) or not isinstance(value, int) or value < _COUNTS[name]:
-            raise Invalid(f"{name} is a whole number from {_COUNTS[name]}, not {value!r}")
+        least = _COUNTS[name]
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= MOST:
+            raise Invalid(f"{name} is a whole number from {least} to {MOST}, not {value!r}")
         return value
     if name in _TEXTS:
         if not isinstance(value, str):
             raise Invalid(f"{name} is a text in quotes, not {value!r}")
+        if name == "worker":
+            _check_command(value)
         return value
     if not isinstance(value, dict):
         raise Invalid(f"{name} is a table, [{name}], not {value!r}")
     return value
+
+
+def _check_command(worker: str) -> None:
+    """Raise Invalid unless a worker's command is one line that a shell can take apart."""
+    right = "it is the command of a worker on one line, as '/opt/rehyb/bin/rehyb-worker'"
+    if not worker.strip() or "\n" in worker:
+        raise Invalid(f"worker is {worker!r}: {right}; what comes before it is said as `before`")
+    try:
+        shlex.split(worker)
+    except ValueError as error:
+        raise Invalid(f"worker is {worker!r}: {right}, and this one has {error}") from None
