@@ -97,13 +97,18 @@ _OF_STATUS: Mapping[int, type[RehybError]] = {
     HTTPStatus.CONFLICT: Conflict,
     # It may succeed later, as after a failure.
     HTTPStatus.TOO_MANY_REQUESTS: ServerError,
+    HTTPStatus.REQUEST_TIMEOUT: ServerError,
 }
 
 
 #: Not every server keeps to those that are registered.
 _PHRASES: Mapping[int, str] = {one.value: one.phrase for one in HTTPStatus}
 #: What a server in between says of a request, which the coordinator would not say otherwise.
-_OF_ANYBODY = (HTTPStatus.REQUEST_ENTITY_TOO_LARGE, HTTPStatus.TOO_MANY_REQUESTS)
+_OF_ANYBODY = (
+    HTTPStatus.REQUEST_TIMEOUT,
+    HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
+    HTTPStatus.TOO_MANY_REQUESTS,
+)
 
 
 def refusal(status: int, problem: object, url: str, *, location: str = "") -> RehybError:

@@ -163,7 +163,7 @@ class _AnnouncingServer(uvicorn.Server):
             now = asyncio.get_running_loop().time()
             for connection in [*self.server_state.connections]:
                 if isinstance(connection, ImpatientProtocol) and connection.is_overdue(now):
-                    connection.transport.abort()
+                    connection.give_up()
         return await super().on_tick(counter)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:

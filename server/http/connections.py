@@ -4,9 +4,12 @@ import asyncio
 import resource
 from collections import Counter
 from collections.abc import Hashable
+from http import HTTPStatus
 from typing import Any
 
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
+
+from server.http.problems import problem
 
 #: Seconds for the head of a request to arrive whole, from its first byte or from the connection's
 #: beginning; and for a body, besides what it takes at the least rate.
@@ -19,6 +22,10 @@ LEAST_RATE = 10_000.0
 STRANGERS_PER_ADDRESS = 256
 STRANGERS = 1024
 SHARE_PER_ADDRESS, SHARE = 1 / 8, 1 / 4
+_TOO_SLOW = (
+    f"the request's body came too slowly: {BODY_SECONDS:g} s and a second for every "
+    f"{LEAST_RATE:g} bytes are waited for"
+)
 
 
 class Strangers:
@@ -119,3 +126,13 @@ class ImpatientProtocol(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
             # It is the coordinator that does not read.
             self._owes_since, self._received = now, 0
         return bool(now > self._owes_since + BODY_SECONDS + self._received / LEAST_RATE)
+
+    def give_up(self) -> None:
+        """Close the connection of a peer that is overdue, who is told so if it owes a body."""
+        if self.cycle is None or self.cycle.response_started:
+            self.transport.abort()
+            return
+        answer = problem(HTTPStatus.REQUEST_TIMEOUT, _TOO_SLOW, headers={"Connection": "close"})
+        head = b"".join(b"%s: %s\r\n" % header for header in answer.raw_headers)
+        self.transport.write(b"HTTP/1.1 408 Request Timeout\r\n%s\r\n%s" % (head, answer.body))
+        self.transport.close()

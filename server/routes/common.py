@@ -4,13 +4,14 @@ from collections.abc import Iterator, Mapping
 from http import HTTPStatus
 from typing import Annotated, Any, get_type_hints
 
-from fastapi import Depends, Header, Path, Request, Response
+from fastapi import Depends, Header, HTTPException, Path, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import StreamingResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
 from pydantic_core import to_json
 from sqlalchemy.engine import Engine
+from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
 from server.logic.conditional_requests import is_known
@@ -49,7 +50,12 @@ async def _moment(request: Request) -> Any:
 async def _read(request: Request, kind: type[Body]) -> Body:
     """Return a request's body; RequestValidationError if it is no JSON of this kind."""
     try:
-        return kind.model_validate_json(await request.body())
+        body = await request.body()
+    except ClientDisconnect:
+        # Nobody hears it, but who leaves in the middle is no failure of the coordinator's.
+        raise HTTPException(HTTPStatus.BAD_REQUEST, "the body was cut short") from None
+    try:
+        return kind.model_validate_json(body)
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False)
         raise RequestValidationError(

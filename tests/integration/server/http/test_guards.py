@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
+from starlette.types import Message
 
 from server.http.guards import MAX_BODY_BYTES
 from server.store.database.engine import writing
@@ -61,6 +62,24 @@ def test_supervisors_need_no_token(client: TestClient, app: FastAPI) -> None:
     assert client.get("/healthz").status_code == 200
     assert client.get("/readyz").status_code == 503
     assert "newer version" in client.get("/readyz").json()["detail"]
+
+
+def test_who_leaves_in_the_middle_of_a_body_is_no_failure_of_the_coordinator(
+    client: TestClient, app: FastAPI
+) -> None:
+    sent: list[Message] = []
+
+    async def receive() -> Message:
+        return {"type": "http.disconnect"}
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+
+    head = [(b"authorization", b"Bearer correct-horse")]
+    scope = {"type": "http", "method": "POST", "path": "/v1/results", "query_string": b""}
+    assert client.portal is not None
+    client.portal.call(app, {**scope, "headers": head}, receive, send)
+    assert sent[0]["status"] == 400
 
 
 def test_a_body_that_says_it_is_too_large_is_refused(client: TestClient) -> None:

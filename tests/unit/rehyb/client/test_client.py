@@ -88,6 +88,7 @@ def test_a_study_is_submitted_with_its_idempotency_key() -> None:
     [
         (400, Invalid),
         (401, Unauthorized),
+        (408, ServerError),
         (429, ServerError),
         (403, Unauthorized),
         (404, NotFound),

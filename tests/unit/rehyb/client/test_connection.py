@@ -63,6 +63,7 @@ def test_who_has_another_protocol_or_certificate_is_told_from_who_is_not_there()
             "https://lab/",
         ),
         (413, Invalid, "answered 413 Request Entity Too Large"),
+        (408, ServerError, "answered 408 Request Timeout"),
         (429, ServerError, "answered 429 Too Many Requests"),
         (502, ServerError, "answered 502 Bad Gateway"),
         (520, ServerError, "answered 520"),

@@ -1,6 +1,7 @@
 """Who keeps the coordinator waiting is not waited for, and strangers leave room for others."""
 
 import asyncio
+import json
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -17,8 +18,18 @@ HEAD = b"POST /v1/results HTTP/1.1\r\nHost: h\r\nContent-Length: 100000\r\n\r\n"
 class Wire(asyncio.Transport):
     """A transport that goes nowhere."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.sent, self.ended = b"", ""
+
     def write(self, data: Any) -> None:
-        pass
+        self.sent += data
+
+    def close(self) -> None:
+        self.ended = "closed"
+
+    def abort(self) -> None:
+        self.ended = "aborted"
 
     def pause_reading(self) -> None:
         pass
@@ -45,7 +56,8 @@ class Peer:
         self.protocol = ImpatientProtocol(
             config=config, server_state=ServerState(), app_state={}, _loop=self.loop
         )
-        self.protocol.connection_made(Wire())
+        self.wire = Wire()
+        self.protocol.connection_made(self.wire)
 
     def _task(self, work: Any, **_: Any) -> Any:
         work.close()
@@ -80,6 +92,17 @@ def test_a_body_must_come_at_the_least_rate(peer: Peer) -> None:
     assert peer.overdue_after(BODY_SECONDS + 3.0)
     peer.protocol.data_received(b"x" * 80_000)
     assert not peer.overdue_after(1e9)
+
+
+def test_who_sends_a_body_too_slowly_is_told_so_and_who_sends_no_head_is_not(peer: Peer) -> None:
+    peer.protocol.give_up()
+    assert (peer.wire.sent, peer.wire.ended) == (b"", "aborted")
+    peer.protocol.data_received(HEAD)
+    peer.protocol.give_up()
+    assert peer.wire.ended == "closed"
+    head, _, body = peer.wire.sent.partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 408 ") and b"content-length: %d" % len(body) in head
+    assert json.loads(body)["detail"].startswith("the request's body came too slowly: 30 s and")
 
 
 def test_of_too_many_strangers_the_oldest_of_the_address_goes() -> None:
