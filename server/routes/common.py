@@ -1,6 +1,9 @@
 """What the routes share: where they find the store and the time, and how strictly they read."""
 
+import json
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from http import HTTPStatus
 from typing import Annotated, Any, get_type_hints
 
@@ -61,6 +64,21 @@ async def _read(request: Request, kind: type[Body]) -> Body:
         raise RequestValidationError(
             [{**fault, "loc": ("body", *fault["loc"])} for fault in found]
         ) from None
+
+
+async def no_key_twice(request: Request) -> None:
+    """Raise RequestValidationError if an object of a body has a key twice: which one was meant?"""
+    twice: list[str] = []
+
+    def noted(pairs: list[tuple[str, Any]]) -> None:
+        twice.extend(key for key, times in Counter(key for key, _ in pairs).items() if times > 1)
+
+    # What is no JSON is said where it is read.
+    with suppress(ValueError, RecursionError):
+        json.loads(await request.body(), object_pairs_hook=noted)
+    if twice:
+        why = f"the key {twice[0][:80]!r} comes twice in an object: leave out one"
+        raise RequestValidationError([{"type": "key_twice", "loc": ("body",), "msg": why}])
 
 
 class Direct(APIRoute):

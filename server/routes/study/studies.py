@@ -3,7 +3,7 @@
 import hashlib
 from typing import Annotated, Any, Literal, Self
 
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import APIRouter, Depends, Header, Request, Response
 from pydantic import (
     AfterValidator,
     Field,
@@ -26,10 +26,20 @@ from server.logic.study.requests import refuse_dependence, refuse_too_few
 from server.operations import models
 from server.operations.study import precision_goals, reruns, studies
 from server.records import PrecisionGoal, Study
-from server.routes.common import MAX_INTEGER, PRINTABLE, Body, Id, Name, Now, Store, example
+from server.routes.common import (
+    MAX_INTEGER,
+    PRINTABLE,
+    Body,
+    Id,
+    Name,
+    Now,
+    Store,
+    example,
+    no_key_twice,
+)
 from server.states import StudyState
 
-router = APIRouter(prefix="/v1/studies", tags=["studies"])
+router = APIRouter(prefix="/v1/studies", tags=["studies"], dependencies=[Depends(no_key_twice)])
 
 #: Of a study that is submitted, what its plan is drawn up from, besides model and factors.
 _OF_PLAN = {

@@ -188,6 +188,19 @@ def test_a_body_that_is_not_json_is_a_problem(client: TestClient, body: bytes, w
     ]
 
 
+@pytest.mark.parametrize("what", ['"rows": 2, "rows": 2000', '"fixed": {"rows": 1, "rows": 2}'])
+def test_a_key_that_comes_twice_is_named_and_neither_is_taken(
+    client: TestClient, what: str
+) -> None:
+    text = json.dumps(STUDY).replace('"rows": 2', what)
+    response = client.post(
+        "/v1/studies", content=text, headers={"Content-Type": "application/json"}
+    )
+    assert is_problem(response, 422)["errors"] == [
+        {"pointer": "", "detail": "the key 'rows' comes twice in an object: leave out one"}
+    ]
+
+
 @pytest.mark.parametrize(
     ("headers", "said"),
     [
