@@ -75,6 +75,7 @@ ENGINES = {
     "condor": Kind(provider="CondorProvider", command="condor_submit", cores="cores_per_slot"),
     "sge": Kind(provider="GridEngineProvider", command="qsub"),
 }
+_NO_NUMBER = "the batch system gave the job no number"
 #: A path that needs no quotes in a shell.
 _PLAIN = re.compile(r"[A-Za-z0-9./_+-]+")
 #: What follows from other entries of the file, or is decided by `rehyb pilots` itself.
@@ -179,10 +180,13 @@ class ParslEngine:
         try:
             job = self._provider.submit(command, 1, name)
         except Exception as error:
+            if getattr(error, "retcode", None) == 0:
+                # Whatever else it warned of is not the reason.
+                raise FleetError(_NO_NUMBER) from None
             said = str(getattr(error, "stderr", "") or "").strip().splitlines()
             raise FleetError(said[-1] if said else _first_line(error)) from None
         if not job:
-            raise FleetError("the batch system gave the job no number")
+            raise FleetError(_NO_NUMBER)
         return str(job)
 
     def states(self, jobs: Sequence[str]) -> dict[str, JobState]:
