@@ -1,6 +1,6 @@
 """Add effects to a model one at a time, each because it predicts what it was not fitted to."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.closeloop.identification.balance.declared import declared_again
@@ -12,7 +12,12 @@ from analysis.closeloop.identification.balance.luck import (
     PAIR_Z,
     more_than_luck,
 )
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    estimate_of,
+    evaluate,
+)
 from analysis.closeloop.identification.balance.regression import (
     Rows,
     Score,
@@ -28,7 +33,7 @@ from analysis.closeloop.identification.candidates import (
 )
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.growing.freed import freed, held
-from analysis.closeloop.identification.growing.shaken import shaken
+from analysis.closeloop.identification.growing.shaken import only_answers, shaken
 from analysis.closeloop.identification.nameable import beyond_physics
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
@@ -36,6 +41,7 @@ from analysis.closeloop.identification.selection import (
     choose,
     matters,
 )
+from analysis.closeloop.identification.spectrum import Peak
 
 #: Effects that are looked for at a time.
 MAX_EFFECTS = 3
@@ -146,12 +152,9 @@ def _next_step(
     """
     beside = freed(model, current, rows)
     score = current if beside is model else evaluate(beside, rows)
-    joints = shaken(model, current, rows)
-    options = [
-        option
-        for option in options_beside(beside, rows, score, tried)
-        if option.candidate.joint not in joints or not _imitates(option, score)
-    ]
+    options = options_beside(beside, rows, score, tried)
+    if lines := shaken(model, current, rows):
+        options = [o for o in options if not _answers(o, lines, beside, score, rows)]
     step = choose(options, beside, score, rows, least * score.loss, of_form)
     late = [o for o in options[:FOREMOST] if not o.refused and o.gain > LARGE_GAIN * score.loss]
     if step is None:
@@ -176,17 +179,31 @@ def _next_step(
     return options, replace(step, taken=replace(step.taken, model=refitted, score=score))
 
 
-def _imitates(option: Option, current: Score) -> bool:
+def _answers(
+    option: Option, lines: Mapping[int, Peak], model: Model, current: Score, rows: Rows
+) -> bool:
     """Whether an option may only answer what shakes its joint.
 
     A line has a gain and a phase, which what filters the motion can have both. What passes on the
     effort has one parameter for them: it leaves nearly nothing only if it is the cause, as where a
     late motor makes its own loop ring.
+
+    Args:
+        option: beside the model.
+        lines: what shakes joints.
+        model: without the option.
+        current: its score.
+        rows: the samples that are fitted.
     """
-    effect = option.candidate.effect
-    return effect.filters and not (
-        effect.channel and takes_all(current.losses, option.score.losses)
-    )
+    effect, joint = option.candidate.effect, option.candidate.joint
+    if joint not in lines:
+        return False
+    if effect.filters:
+        return not (effect.channel and takes_all(current.losses, option.score.losses))
+    before = estimate_of(model, current.coefficients).residual
+    after = estimate_of(option.model, option.score.coefficients).residual
+    passed = any(parameter.name == "other_dof" for parameter in effect.nonlinear)
+    return only_answers(lines[joint], before, after, rows, joint, passed=passed)
 
 
 def _late(

@@ -19,13 +19,18 @@ NOISE = 0.02
 TREMOR, MOVED = 5.0, 2e-3
 
 
-def trembling(moved: float = MOVED, reach: float = 0.4) -> tuple[Recording, np.ndarray]:
-    """Return an elbow that a tremor moves beside its task, and its acceleration by the tremor."""
+def trembling(
+    moved: float = MOVED, reach: float = 0.4, beside: float = 0.0
+) -> tuple[Recording, np.ndarray]:
+    """Return an elbow that a tremor moves beside its task, and its acceleration by the tremor.
+
+    The shoulder is moved that many times as far.
+    """
     recording = rich_recording(10)
     time, w = recording.time, 2 * np.pi * TREMOR
     scale = reach / 0.4
     middle = np.array([-0.5, 1.0])
-    only = moved * np.array([0.0, 1.0])
+    only = moved * np.array([beside, 1.0])
     wave, rate = np.sin(w * time)[:, None], np.cos(w * time)[:, None]
     return replace(
         recording,
@@ -45,9 +50,9 @@ def rows_of(recording: Recording, extra: np.ndarray) -> Rows:
     return select_rows(measured, (0,)).reweighted({ELBOW: NOISE})
 
 
-def of(rows: Rows) -> frozenset[int]:
+def of(rows: Rows) -> set[int]:
     model = Model(rows.recording)
-    return shaken(model, evaluate(model, rows), rows)
+    return set(shaken(model, evaluate(model, rows), rows))
 
 
 def test_a_line_that_the_motion_hardly_has_shakes_the_joint() -> None:
@@ -62,12 +67,12 @@ def test_a_line_that_the_motion_hardly_has_shakes_the_joint() -> None:
 )
 def test_what_the_motion_explains_does_not_shake_it(moved: float, reach: float) -> None:
     recording, quick = trembling(moved, reach)
-    assert of(rows_of(recording, 0.2 * quick)) == frozenset()
+    assert of(rows_of(recording, 0.2 * quick)) == set()
 
 
 def test_an_effect_of_all_the_motion_does_not_shake_it() -> None:
     recording, _ = trembling()
-    assert of(rows_of(recording, 0.5 * recording.velocity[:, ELBOW])) == frozenset()
+    assert of(rows_of(recording, 0.5 * recording.velocity[:, ELBOW])) == set()
 
 
 @pytest.mark.parametrize(("tremor", "found"), [(0.0, ["added_inertia"]), (1.0, [])])
@@ -83,6 +88,29 @@ def test_no_inertia_is_named_for_a_tremor_and_the_answer_to_it(
         Candidate(effect=BY_NAME[name], joint=ELBOW)
         for name in ("added_inertia", "time_delay", "series_elasticity")
     ]
+    grown, refused = grow(Grown(model, score), rows, score, lambda _: None, tried)
+    assert [step.key[0] for step in grown.steps] == found and refused is None
+
+
+@pytest.mark.parametrize(
+    ("beside", "tremor", "found"),
+    [
+        (-0.3, 1.0, []),
+        # As by a rotor that the neighbour turns.
+        (-0.3, 0.0, ["cross_joint_coupling"]),
+    ],
+)
+def test_no_coupling_is_named_for_what_shakes_the_neighbour_too(
+    beside: float, tremor: float, found: list[str]
+) -> None:
+    """Of three arms of an opponent that vibrate two had a coupling by the other's acceleration."""
+    recording, quick = trembling(0.01, beside=beside)
+    other = recording.acceleration[:, 1 - ELBOW]
+    answer = np.roll(quick, 6) if tremor else other
+    rows = rows_of(recording, 0.2 * answer)
+    model = Model(rows.recording)
+    score = evaluate(model, rows)
+    tried = [Candidate(effect=BY_NAME["cross_joint_coupling"], joint=ELBOW)]
     grown, refused = grow(Grown(model, score), rows, score, lambda _: None, tried)
     assert [step.key[0] for step in grown.steps] == found and refused is None
 
