@@ -91,7 +91,7 @@ def _least_sure(grown: Grown, rows: Rows) -> Step | None:
     for step in grown.steps:
         if _placed(step) and _mass(grown, step) < LEAST_LOAD:
             return step
-    own = [s for s in grown.steps if s.key[0] != LINK_INERTIA and not _placed(s)]
+    own = [step for step in grown.steps if not _shared(step)]
     if not own:
         return None
     fits = leave_out(grown.model, rows, grown.score.coefficients, form_free=False)
@@ -101,6 +101,11 @@ def _least_sure(grown: Grown, rows: Rows) -> Step | None:
     }
     least = min(own, key=lambda step: sure[step.key])
     return least if sure[least.key] <= 1.0 else None
+
+
+def _shared(step: Step) -> bool:
+    """Whether a step is what all joints of an arm agree on."""
+    return step.key[0] == LINK_INERTIA or _placed(step)
 
 
 def _placed(step: Step) -> bool:
@@ -126,9 +131,46 @@ def _without(
         where = rows.recording.name(candidate.joint)
         notes.append(f"{candidate.effect.name} of {where} is not added: {why}")
         model = grown.model.without(candidate)
-        left = tuple(step for step in grown.steps if step is not gone)
+        before, left = grown, tuple(step for step in grown.steps if step is not gone)
         grown = _with_simpler(Grown(model, evaluate(model, rows), left), candidate, rows)
+        grown, unmissed = _without_unmissed(grown, before, candidate.joint, rows)
+        notes += unmissed
     return grown, tuple(notes)
+
+
+def _without_unmissed(
+    grown: Grown, before: Grown, joint: int, rows: Rows
+) -> tuple[Grown, list[str]]:
+    """Take out what a joint's left-out rows missed only beside an effect that has gone since.
+
+    It made up for what that one did. (A time delay that answered a vibration left a damping of less
+    than none behind: an opponent's arm.)
+    """
+    notes = []
+    for step in grown.steps:
+        candidate = step.taken.candidate
+        if candidate.joint != joint or _shared(step):
+            continue
+        if _missed(before, candidate, rows) and not _missed(grown, candidate, rows):
+            model = grown.model.without(candidate)
+            left = tuple(other for other in grown.steps if other is not step)
+            grown = Grown(model, evaluate(model, rows), left)
+            name = f"{candidate.effect.name} of {rows.recording.name(joint)}"
+            notes.append(f"{name} is not added: trials that it was not fitted to do not miss it")
+    return grown, notes
+
+
+def _missed(grown: Grown, candidate: Candidate, rows: Rows) -> bool:
+    """Whether left-out rows of its joint miss an effect by more than luck, and not too little."""
+    own = rows.joint_of_block == candidate.joint
+    worse = evaluate(grown.model.without(candidate), rows).losses[own]
+    return _better(worse, grown.score.losses[own], rows.fold_of_block[own])
+
+
+def _better(worse: np.ndarray, better: np.ndarray, folds: np.ndarray) -> bool:
+    """Whether some losses of blocks are lower by more than luck, and not by too little."""
+    sure = more_than_luck(worse, better, folds, ALONE_Z)
+    return sure and compare(worse, better)[0] > MIN_GAIN * float(worse.sum())
 
 
 def _with_simpler(grown: Grown, gone: Candidate, rows: Rows) -> Grown:
@@ -152,10 +194,9 @@ def with_missed(grown: Grown, candidate: Candidate, rows: Rows) -> Grown:
     model, score = found
     own = rows.joint_of_block == candidate.joint
     worse, better = grown.score.losses[own], score.losses[own]
-    gain, error = compare(worse, better)
-    sure = more_than_luck(worse, better, rows.fold_of_block[own], ALONE_Z)
-    if not sure or gain <= MIN_GAIN * float(worse.sum()):
+    if not _better(worse, better, rows.fold_of_block[own]):
         return grown
+    gain, error = compare(worse, better)
     taken = Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
     step = Step(taken=taken, equals=(), options=(), before=float(worse.sum()))
     return Grown(model, score, (*grown.steps, step))

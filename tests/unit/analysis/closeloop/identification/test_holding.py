@@ -156,6 +156,28 @@ def test_damping_beside_friction_stays_where_every_joint_has_some(
     assert len(notes) == (not damped)
 
 
+def test_what_only_made_up_for_an_effect_goes_with_it(recording: Recording) -> None:
+    """A delay that answered a vibration left a damping of -0.02 Nm s/rad behind."""
+    rubbing, rubbed = rubs(moving(recording, (0.0, 0.0)))
+    rows = select_rows(rubbing, (0,))
+    friction, damping, delay = (
+        Candidate(effect=BY_NAME[name], joint=ELBOW)
+        for name in ("coulomb_friction", "viscous_friction", "time_delay")
+    )
+    damped = damping.effect.columns(unfitted(rubbing, ELBOW), {})
+    terms = tuple(
+        Term(effect=one.effect, joint=ELBOW, columns=columns, kept=(0,), candidate=one)
+        for one, columns in ((friction, rubbed), (damping, damped))
+    )
+    channel = Channel(candidate=delay, theta={"delay": DELAY})
+    model = Model(rubbing, terms=terms, channels=(channel,))
+    score = evaluate(model, rows)
+    steps = tuple(added(candidate, model, score) for candidate in (friction, damping, delay))
+    found, notes = held_in_octaves(Grown(model, score, steps), rows, damped=True)
+    assert [step.key[0] for step in found.steps] == ["coulomb_friction"]
+    assert "time_delay of elbow" in notes[0] and "do not miss it" in notes[1]
+
+
 def added(candidate: Candidate, model: Model, score: Score) -> Step:
     option = Option(candidate=candidate, model=model, score=score, gain=1.0, z=9.0)
     return Step(taken=option, equals=(), options=(), before=2.0)
