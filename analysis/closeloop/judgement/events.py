@@ -30,6 +30,7 @@ from analysis.closeloop.identification.balance.sticking import (
 )
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import rubbing_anyway
+from analysis.closeloop.identification.spectrum import strongest_line
 from analysis.closeloop.judgement.beyond import LEAST_ROWS, beyond_splines
 from analysis.closeloop.judgement.holds import (
     AROUND,
@@ -54,6 +55,13 @@ TELLS = 6.0
 OFTEN = 0.15
 #: What takes a larger share of the time than this is not local.
 LOCAL = 0.25
+#: An event's peak over the root mean square of an oscillation: twice its amplitude, for as long as
+#: something shakes the joint a weaker push cannot be told.
+OF_LINE = 2.0 * float(np.sqrt(2.0))
+#: What swings to the other side by this share of a peak, and by so many deviations, within so many
+#: seconds, is no push. (Set on an opponent's arms with springs or a gap, 0.5 to 1, and with pushes,
+#: 0.01 to 0.35.)
+SWING, BEYOND_NOISE, BESIDE = 0.5, 4.0, 0.3
 #: An event's peak over what the fit's upper octave holds of the torque that the motion needs: where
 #: a motion starts at once, filters and the time of a sample are wrong by a share of that. Set on
 #: four sessions of the unkind bench (tuning seeds): 0.04 to 0.3 without an event, 10 at a push.
@@ -140,8 +148,11 @@ def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Itera
     ways = [Way(clock, [place, *motion]) for place in places]
     octave = np.maximum(upper_octave(recording, joint)[samples], 1e-12)
     stuck = STICTION * friction[samples]
-    # Less than matters beside the effort is no event either.
+    # Less than matters beside the effort is no event, nor what shakes the joint all along.
     matters = MIN_TORQUE * rms(recording.effort[samples, joint])
+    line = strongest_line([beyond.alone[piece] for piece in pieces], 1.0 / step)
+    matters = max(matters, 0.0 if line is None else OF_LINE * line.rms)
+    every = np.empty(0)
     for seconds in SCALES:
         width = max(1, round(seconds / step))
         relative, sure, alone, predicted, excused, abrupt = (
@@ -153,6 +164,8 @@ def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Itera
         size = np.abs(relative) / max(spread(relative), 1e-12)
         size = np.minimum(size, np.abs(alone) / usual)
         smooth = np.sign(predicted) * size
+        # Means of what rings are its first swing alone.
+        every = every if len(every) else smooth
         if np.mean(size > PEAK) > LOCAL:
             continue
         for piece in pieces:
@@ -170,6 +183,8 @@ def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Itera
                     continue
                 if any(way.comes_back(smooth, top) for way in ways):
                     continue
+                if _swings(every, piece, run, max(1, round(BESIDE / step))):
+                    continue
                 peak = own[np.argmax(np.abs(left[own]))]
                 yield Event(
                     trial=int(recording.trial[samples[top]]),
@@ -178,6 +193,26 @@ def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Itera
                     end=float(recording.time[samples[own[-1]]]),
                     peak=float(left[peak]),
                 )
+
+
+def _swings(every: np.ndarray, piece: np.ndarray, run: slice, beside: int) -> bool:
+    """Whether what stands out of a run swings to the other side as well, just before or after it.
+
+    Somebody pushes one way. A spring that rings, the knock of a gap that closes, and a controller
+    that answers either do not.
+
+    Args:
+        every: what is left of every row, over what is usual, with its sign, (r,).
+        piece: the rows of one motion without a gap.
+        run: which of them.
+        beside: how many rows before and after it are looked at, or as many as it has.
+    """
+    beside = max(beside, run.stop - run.start)
+    around = every[piece[max(0, run.start - beside) : run.stop + beside]]
+    own = every[piece[run]]
+    peak = float(own[np.argmax(np.abs(own))])
+    other = float(np.max(-np.sign(peak) * around))
+    return other > max(SWING * abs(peak), BEYOND_NOISE)
 
 
 def _lasting(beyond: np.ndarray, size: np.ndarray) -> np.ndarray:

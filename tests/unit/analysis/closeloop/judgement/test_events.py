@@ -101,6 +101,29 @@ def test_torque_that_comes_back_at_the_same_time_of_every_trial_is_no_event(
     assert find_events(Model(always), always) == ()
 
 
+@pytest.mark.parametrize(("push", "events"), [(0.0, 0), (3.0, 1)])
+def test_less_than_what_shakes_a_joint_all_along_is_no_event(
+    recording: Recording, push: float, events: int
+) -> None:
+    """Its motion explains a vibration but where another phase of the controller answers it."""
+    phase = 2 * np.pi * 0.4 * TIME + 0.6 * np.sin(0.31 * TIME)
+    shaken, turned = np.sin(2 * np.pi * 4.0 * TIME), (TIME > 40.0) & (TIME < 41.0)
+    elbow = 1.0 + 0.5 * np.sin(phase) + 3e-3 * shaken
+    vibrating = moved(recording, np.column_stack([np.zeros(len(TIME)), elbow]), RATE)
+    torque = 0.6 * np.where(turned, -shaken, shaken)
+    found = with_effort(vibrating, torque + pushed(20.0, 0.8, push))
+    assert len(find_events(Model(found), found)) == events
+
+
+def test_what_rings_is_no_push(swinging: Recording) -> None:
+    """The neighbour of an elastic joint felt it ring: seven pushes in one session of an opponent."""
+    since = TIME - 30.0
+    ringing = 0.9 * np.exp(-since / 0.25) * np.sin(2 * np.pi * 4.0 * since)
+    rings = with_effort(swinging, np.where(since > 0.0, ringing, 0.0) + pushed(12.0, 0.6, 0.9))
+    (push,) = find_events(Model(rings), rings)
+    assert 11.5 < push.begin < push.end < 13.1
+
+
 def test_no_fit_uses_what_an_event_disturbed(swinging: Recording) -> None:
     event = Event(trial=0, joint=1, begin=20.0, end=21.0, peak=0.5)
     recording = with_effort(swinging, np.zeros(len(TIME)))
