@@ -39,6 +39,7 @@ from analysis.closeloop.report.unexplained import (
     floor_entries,
     not_settled,
     of_wrong_torques,
+    oscillating,
     unexplained,
     untouched,
 )
@@ -163,6 +164,8 @@ def advice(outcome: Outcome) -> list[str]:
     pushed_only = found.verdict != Verdict.UNEXPLAINED and not left_beside_events(outcome)
     if verdict == Verdict.UNEXPLAINED and moves_one_way(found.rows):
         lines.append(f"Move to and fro, at two or more speeds: {ONE_WAY}.")
+    elif verdict == Verdict.UNEXPLAINED and (shaken := oscillating(outcome)):
+        lines += shaken
     elif verdict == Verdict.UNEXPLAINED and not pushed_only:
         more = (
             "EMG, temperature, the limb's own angle" if recording.limbs else "temperature, currents"

@@ -156,6 +156,21 @@ def untouched(recording: Recording, events: Sequence[Event]) -> list[str]:
     ]
 
 
+def oscillating(outcome: Outcome) -> list[str]:
+    """Return what to look for where an oscillation makes most of a joint's error, a line each."""
+    recording, lines = outcome.trace.rows.recording, []
+    for joint, own in outcome.oscillations.items():
+        strongest = max(own, key=lambda peak: peak.rms)
+        errors = [error for error in outcome.recorded.after if error.joint == joint]
+        if strongest.rms**2 > MOSTLY * np.mean([_mean_square(error) for error in errors]):
+            lines.append(
+                f"What is left of {recording.name(joint)} oscillates at {strongest.low_hz:.3g} to "
+                f"{strongest.high_hz:.3g} Hz, and its motion does not need that: look for what "
+                "vibrates there (a pump, a fan, a loose part, a tremor) and repeat without it."
+            )
+    return lines
+
+
 def floor_entries(recording: Recording, found: Mapping[int, Floor]) -> dict[str, Any]:
     """Return every joint's floor, and where it is from; null where a channel has none."""
     entries: dict[str, Any] = {}

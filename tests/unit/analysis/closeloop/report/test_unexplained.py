@@ -1,16 +1,21 @@
 """What is left without a name: where a trial stands out, and what of it friction may be."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
+import pytest
 
 from analysis.closeloop.identification.balance.trial_error import TrialError
-from analysis.closeloop.identification.findings import Errors
+from analysis.closeloop.identification.findings import Errors, Outcome
+from analysis.closeloop.identification.spectrum import Peak
 from analysis.closeloop.report.unexplained import (
     _band,
     _in_motion,
     _where,
     at_rest_where_worse,
+    oscillating,
 )
 from analysis.closeloop.session.recording import Recording
 from tests.testbed.sessions.rich import ELBOW
@@ -61,3 +66,18 @@ def test_an_error_that_grows_where_a_joint_only_rests_says_nothing_of_a_repair(
     more = error(recording, whole, 0.06001)
     assert at_rest_where_worse(still, Errors(before=[small], after=[more])) == []
     assert at_rest_where_worse(recording, Errors(before=[small], after=[large])) == []
+
+
+@pytest.mark.parametrize(("size", "said"), [(0.9, True), (0.5, False)])
+def test_what_vibrates_is_to_be_looked_for_where_it_is_most_of_an_error(
+    recording: Recording, size: float, said: bool
+) -> None:
+    """Who had a loose belt that rang at 7 Hz was told to record temperature."""
+    outcome = SimpleNamespace(
+        trace=SimpleNamespace(rows=SimpleNamespace(recording=recording)),
+        oscillations={ELBOW: [Peak(low_hz=6.5, high_hz=8.0, rms=size)]},
+        recorded=Errors(before=[], after=[error(recording, slice(0, 1000))]),
+    )
+    lines = oscillating(cast(Outcome, outcome))
+    assert len(lines) == said
+    assert all("of elbow oscillates at 6.5 to 8 Hz" in line for line in lines)
