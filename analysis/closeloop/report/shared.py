@@ -9,13 +9,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.stats import t
 
-from analysis.closeloop.identification.arms.links import freed_links, links_of
+from analysis.closeloop.identification.arms.links import PARAMETERS, freed_links, links_of
 from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE
 from analysis.closeloop.identification.findings import Carried
 from analysis.closeloop.session.recording import Recording
 from sim.effects.laws.inertia import PLACE
@@ -51,11 +53,13 @@ def link_parameters(model: Model, rows: Rows) -> dict[str, Any]:
     control of robots, chapter 9, on base parameters). `repaired` has what was fitted all the same.
     """
     links = freed_links(model, links_of(model.recording))
-    spread = Spread(WholeFit(replace(model, given=None), rows, links), links=True)
+    fit = WholeFit(replace(model, given=None), rows, links)
+    spread = Spread(fit, links=True)
     assert model.given is not None
     found = _described(np.array([model.given.links[name] for name in links.names]))
     every = [_described(links.declared + changes) for _, changes in spread.fits]
-    half = spread.half_width(found, every)
+    change = np.array([model.given.changes[body] for body in links.bodies])
+    half = np.hypot(spread.half_width(found, every), _drawn(found, *fit.drawn(change)))
     moved = other_than(found, _described(links.declared))
     return {
         f"{name}.{word}": entry
@@ -63,6 +67,25 @@ def link_parameters(model: Model, rows: Rows) -> dict[str, Any]:
         for (word, entry), apart in zip(_link(values, widths).items(), other, strict=True)
         if apart
     }
+
+
+def _drawn(described: np.ndarray, covariance: np.ndarray, freedom: float) -> np.ndarray:
+    """Return half of the 90 % intervals of mass and centre that a covariance makes, (links, 4).
+
+    Args:
+        described: mass (kg) and centre (m), (links, 4).
+        covariance: of the links' inertial parameters, (10 links, 10 links).
+        freedom: how many numbers tell its size.
+    """
+    found = np.empty_like(described)
+    for number, (mass, *place) in enumerate(described):
+        first = PARAMETERS * number
+        own = covariance[first : first + 4, first : first + 4]
+        # The centre is the first moments over the mass.
+        slope = np.diag([1.0, *np.full(3, 1.0 / mass)])
+        slope[1:, 0] = -np.array(place) / mass
+        found[number] = np.sqrt(np.diag(slope @ own @ slope.T))
+    return float(t.ppf((1 + CONFIDENCE) / 2, freedom)) * found
 
 
 def other_than(found: np.ndarray, declared: np.ndarray) -> np.ndarray:

@@ -177,16 +177,44 @@ class WholeFit:
         Free links are held by what is declared of them, as firmly as in the fit.
         """
         width = self.table.shape[1] - 1 if links else self.size
-        held = np.zeros((width, width))
-        if links:
-            for number, own in enumerate(curvature(np.linalg.inv(self.links.pseudo))):
-                first = self.size + PARAMETERS * number
-                held[first : first + PARAMETERS, first : first + PARAMETERS] = self.strength * own
+        held = self.strength * self._declared() if links else np.zeros((width, width))
         every = np.array([self.total, *grams])[:, :width, :width] + held
         for gram in every:
             gram[np.diag_indices(width)] += gram.diagonal() == 0.0
         every = inverse_of(every)
         return every[:, : self.size, : self.size]
+
+    def drawn(self, change: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return how far what is declared of the links may draw their fit off.
+
+        A ridge's bias (Hoerl and Kennard 1970, Ridge regression), were the links as far from the
+        declared ones where no joint feels it as they are found to be where joints do. That is the
+        empirical Bayes estimate of how far they may be (Morris 1983, Parametric empirical Bayes
+        inference), by as many directions as the rows determine.
+
+        Args:
+            change: of the links' parameters, as fitted, (links, 10).
+
+        Returns:
+            Covariance of the bias, (10 links, 10 links), and that number of directions.
+        """
+        declared = self._declared()
+        gram = self.total[:-1, :-1] + self.strength * declared
+        gram[np.diag_indices(len(gram))] += gram.diagonal() == 0.0
+        drawn = self.strength * inverse_of(gram[None])[0]
+        own = slice(self.size, None)
+        told = change.size - float(np.trace((drawn @ declared)[own, own]))
+        moved = change.ravel() @ declared[own, own] @ change.ravel()
+        usual = moved / max(told, 1.0)
+        return usual * (drawn @ declared @ drawn)[own, own], max(told, 1.0)
+
+    def _declared(self) -> np.ndarray:
+        """Return how the divergence from the declared links curves there, over all columns."""
+        found = np.zeros((self.table.shape[1] - 1,) * 2)
+        for number, own in enumerate(curvature(np.linalg.inv(self.links.pseudo))):
+            first = self.size + PARAMETERS * number
+            found[first : first + PARAMETERS, first : first + PARAMETERS] = own
+        return found
 
     def with_load(self, terms: Sequence[int], number: int) -> Fitted:
         """Fit some terms and one load on link `number`: where it hangs by all rows.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms import robot
-from analysis.closeloop.identification.arms.links import links_of
+from analysis.closeloop.identification.arms.links import PARAMETERS, links_of
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.robot import with_links
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
@@ -62,6 +62,23 @@ def test_links_of_an_arm_are_listed_but_for_one_that_no_joint_feels(tmp_path: Pa
     assert {name.split(".")[0] for name in entries} == {"arm", "fore"}
     for name, entry in entries.items():
         assert entry["ci90"] is None or entry["ci90"][0] < entry["ci90"][1], name
+
+
+def test_what_no_joint_feels_of_a_link_is_as_unsure_as_other_links_are_wrong(
+    tmp_path: Path,
+) -> None:
+    """It stays as it is declared, which says nothing of how near that is."""
+    arm = all_at_once(tmp_path, 29)
+    rows, links = robot.weighed(Model(arm), select_rows(arm, arm.fit_trials)), links_of(arm)
+    fit = WholeFit(with_ordinary(Model(arm), rows), rows, links)
+    fitted = fit.with_links(range(len(fit.model.terms)))
+    covariance, told = fit.drawn(fitted.links)
+    drawn = np.sqrt(covariance.diagonal()).reshape(-1, PARAMETERS) / links.declared[:, :1]
+    # The turret's mass; the way to the fore's centre, which two joints feel.
+    assert drawn[0, 0] > 0.5 and drawn[2, 1] < 1e-3
+    assert 5.0 < told < 15.0
+    twice, _ = fit.drawn(2.0 * fitted.links)
+    assert twice == pytest.approx(4.0 * covariance)
 
 
 @pytest.mark.parametrize(
