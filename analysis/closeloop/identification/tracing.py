@@ -11,9 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.arms.at_turns import with_peak_at_turns
-from analysis.closeloop.identification.arms.breakaway import with_breakaway
-from analysis.closeloop.identification.arms.excess import with_settled_excess
 from analysis.closeloop.identification.arms.explainable import explainable_by_joint
 from analysis.closeloop.identification.arms.gains import untold_gain
 from analysis.closeloop.identification.arms.holdouts import not_worse
@@ -25,6 +22,9 @@ from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Grown, Option, Step, Trace
+from analysis.closeloop.identification.friction.at_turns import with_peak_at_turns
+from analysis.closeloop.identification.friction.breakaway import with_breakaway
+from analysis.closeloop.identification.friction.excess import with_settled_excess
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
 from analysis.closeloop.identification.growing.starts import regrown
 from analysis.closeloop.identification.growing.steps import grow

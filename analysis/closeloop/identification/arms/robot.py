@@ -29,10 +29,6 @@ from analysis.closeloop.identification.arms.hidden import beside_friction
 from analysis.closeloop.identification.arms.links import Links, freed_links, links_of
 from analysis.closeloop.identification.arms.motors import with_other_joints
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
-from analysis.closeloop.identification.arms.plain_friction import (
-    with_peaked_friction,
-    with_plain_friction,
-)
 from analysis.closeloop.identification.arms.shared import with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.arms.zeros import (
@@ -61,6 +57,10 @@ from analysis.closeloop.identification.balance.regression import (
 from analysis.closeloop.identification.balance.sticking import sliding
 from analysis.closeloop.identification.candidates import candidates, refined
 from analysis.closeloop.identification.findings import Grown, Option, Step, standing
+from analysis.closeloop.identification.friction.plain_friction import (
+    with_peaked_friction,
+    with_plain_friction,
+)
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
 from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.identification.presliding import only_presliding

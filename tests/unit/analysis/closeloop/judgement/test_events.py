@@ -116,7 +116,7 @@ def test_less_than_what_shakes_a_joint_all_along_is_no_event(
 
 
 def test_what_rings_is_no_push(swinging: Recording) -> None:
-    """The neighbour of an elastic joint felt it ring: seven pushes in one session of an opponent."""
+    """The neighbour of an elastic joint felt it ring: seven pushes in an opponent's session."""
     since = TIME - 30.0
     ringing = 0.9 * np.exp(-since / 0.25) * np.sin(2 * np.pi * 4.0 * since)
     rings = with_effort(swinging, np.where(since > 0.0, ringing, 0.0) + pushed(12.0, 0.6, 0.9))

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from analysis.closeloop.identification.arms.motors import MOTOR
 from analysis.closeloop.identification.balance.accuracy import raw_errors
 from analysis.closeloop.identification.balance.luck import MIN_TORQUE, MIN_Z
 from analysis.closeloop.identification.balance.model import (
@@ -39,6 +38,7 @@ from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.friction import GAUSSIAN
 
 STRIBECK, COULOMB = BY_NAME["stribeck_friction"], BY_NAME["coulomb_friction"]
+MOTOR = BY_NAME["coupled_motor"]
 #: Speeds at which the excess may be lost, over the top speed. No motion shows lower ones.
 SPEEDS = np.geomspace(0.004, 0.4, 21)
 #: What is held for so long is no reversal, s.

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.settling import BEGUN, POWERS, SPEEDS, settled
 from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
 from analysis.closeloop.identification.balance.model import (
     Candidate,
@@ -18,6 +17,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.findings import Grown
+from analysis.closeloop.identification.friction.settling import BEGUN, POWERS, SPEEDS, settled
 from analysis.closeloop.identification.holding import with_missed
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Theta

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.at_turns import with_peak_at_turns, with_turns
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -16,6 +15,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.identification.friction.at_turns import with_peak_at_turns, with_turns
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.rich import ELBOW, rich_recording

@@ -16,9 +16,6 @@ from itertools import product
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.motors import MOTOR
-from analysis.closeloop.identification.arms.settling import BEGUN, POWERS, settled
-from analysis.closeloop.identification.arms.settling import SPEEDS as LOST
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
     LARGE_GAIN,
@@ -43,6 +40,8 @@ from analysis.closeloop.identification.balance.regression import (
 )
 from analysis.closeloop.identification.candidates import with_law
 from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.identification.friction.settling import BEGUN, POWERS, settled
+from analysis.closeloop.identification.friction.settling import SPEEDS as LOST
 from analysis.closeloop.identification.holding import with_missed
 from analysis.closeloop.identification.nameable import beyond_physics
 from sim.effects.catalogue import BY_NAME
@@ -52,6 +51,7 @@ from sim.effects.motion import PRESLIDING_SHARE, RecordedJoint
 
 STRIBECK, COULOMB = BY_NAME["stribeck_friction"], BY_NAME["coulomb_friction"]
 VISCOUS = BY_NAME["viscous_friction"]
+MOTOR = BY_NAME["coupled_motor"]
 #: Speeds at which the excess may be lost, over the top speed.
 SPEEDS = np.geomspace(0.01, 0.4, 12)
 #: Ways over which a bristle bends, over the longest that is presliding, and how: as a spring that

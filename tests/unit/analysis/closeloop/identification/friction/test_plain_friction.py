@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
-from analysis.closeloop.identification.arms.plain_friction import (
-    with_peaked_friction,
-    with_plain_friction,
-)
 from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.candidates import tried_alone
+from analysis.closeloop.identification.friction.plain_friction import (
+    with_peaked_friction,
+    with_plain_friction,
+)
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, EFFECTS
 from tests.testbed.sessions.coupled import measured, moving

@@ -5,12 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.breakaway import (
-    _held,
-    held_levels,
-    level_of,
-    with_breakaway,
-)
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
@@ -20,6 +14,12 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.identification.friction.breakaway import (
+    _held,
+    held_levels,
+    level_of,
+    with_breakaway,
+)
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.moved import moved
