@@ -21,6 +21,7 @@ from analysis.closeloop.report.named import (
     effect_entries,
     of_gravity,
     refused_values,
+    supposed,
     undetermined,
     without_value,
 )
@@ -94,6 +95,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *undetermined_loads(declared),
             *refused_values(effects),
             *undetermined(effects),
+            *supposed(effects),
             *of_gravity(recording, effects),
             *of_unnamed_loads(unnamed, lone=len(recording.joints) == 1),
         ],

@@ -247,6 +247,24 @@ def undetermined(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
+def supposed(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a warning for every parameter of a found effect that is as usual and no estimate."""
+    return [
+        f"{entry['name']} of {where(entry)}: {name} is {parameter['value']:g}, as usual, since "
+        "these trials tell no other; the intervals of its other parameters hold for that"
+        for entry in entries
+        for name, parameter in entry["parameters"].items()
+        if parameter["ci90"] == [parameter["value"]] * 2
+        and _neutral(entry["name"], name) == parameter["value"]
+    ]
+
+
+def _neutral(effect: str, parameter: str) -> float | None:
+    """Return what a parameter is where nothing tells it; those of single links are not known."""
+    known = BY_NAME[effect].parameters.get(parameter) if effect in BY_NAME else None
+    return None if known is None else known.neutral
+
+
 def of_gravity(recording: Recording, entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a warning for every joint at which gravity seems to be another than declared."""
     declared = recording.gravity

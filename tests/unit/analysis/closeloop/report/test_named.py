@@ -23,6 +23,7 @@ from analysis.closeloop.report.named import (
     if_they_can_be,
     refused_values,
     spans_nonsense,
+    supposed,
     undetermined,
     with_places,
 )
@@ -255,6 +256,24 @@ def test_an_effect_of_which_nothing_is_surely_other_than_zero_is_told(
     said = undetermined([found])
     assert bool(said) is warned
     assert all(line.startswith("torque_ripple of elbow: ") for line in said)
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "warned"), [(2.0, 0.0, True), (2.0, 0.1, False), (1.3, 0.0, False)]
+)
+def test_a_power_that_is_supposed_is_said_to_be(value: float, half: float, warned: bool) -> None:
+    """Its interval, [2, 2], looked as if it had been measured to the last digit."""
+    power = {"value": value, "ci90": [value - half, value + half], "unit": "1"}
+    torque = {"value": 0.4, "ci90": [0.3, 0.5], "unit": "Nm"}
+    entry = {
+        "name": "stribeck_friction",
+        "joint": "elbow",
+        "parameters": {"torque": torque, "stribeck_exponent": power},
+    }
+    links = {"name": "link_inertia", "joint": "base", "parameters": {"arm.mass": torque}}
+    said = supposed([entry, links])
+    assert len(said) == warned
+    assert all("of elbow: stribeck_exponent is 2, as usual" in line for line in said)
 
 
 def test_a_load_beside_a_declared_one_has_parameters_of_its_own() -> None:
