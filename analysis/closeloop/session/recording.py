@@ -61,7 +61,7 @@ class Recording:
     joints: tuple[int, ...]
     #: Trials that may be fitted.
     fit_trials: tuple[int, ...]
-    #: Whether no joint moves: there is nothing to fit, and only events can be looked for.
+    #: Whether no joint with an effort moves: nothing can be fitted, and only events looked for.
     still: bool = False
     #: The effort before that low-pass; None if nobody kept it.
     unfiltered: np.ndarray | None = None

@@ -34,8 +34,7 @@ def record(session: Session, device: Device) -> Recording:
     """Bring a session's trials to one clock and differentiate them.
 
     Raises:
-        SessionError: no joint that moves has an effort in the trials that may be fitted; if none
-            moves, no joint has one.
+        SessionError: no joint has an effort in the trials that may be fitted.
     """
     trials = [with_missing_counted(without_stale(trial)) for trial in session.trials]
     session = replace(session, trials=tuple(trials))
@@ -52,11 +51,13 @@ def record(session: Session, device: Device) -> Recording:
         if piece.trial in fit_trials:
             moving |= np.ptp(piece.position, axis=0) > MOVING
             measured |= ~np.isnan(piece.effort).any(axis=0)
-    still = not moving.any()
+    # Of what moves without an effort nothing is known; whoever pushes one that rests is told.
+    still = not (moving & measured).any()
     joints = tuple(int(joint) for joint in np.flatnonzero(measured & (moving | still)))
     if not joints:
         raise SessionError(
-            "no joint with a recorded effort moves; excite at least one joint", file=SESSION_FILE
+            "no joint has an effort throughout a piece of a trial that may be fitted",
+            file=SESSION_FILE,
         )
     fitted = [piece for piece in pieces if piece.trial in fit_trials]
     sampling = choose_sampling(fitted, rate, session, device, joints)

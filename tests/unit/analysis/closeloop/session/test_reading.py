@@ -237,6 +237,25 @@ def test_a_constant_position_is_refused_if_the_velocity_says_that_the_joint_move
     assert (error.column, error.line) == ("elbow.position", 2)
 
 
+def test_a_held_joint_beside_one_that_moves_without_an_effort_is_asked_for_pushes(
+    folder: Folder,
+) -> None:
+    """Nothing can be fitted, which was refused; what the other's motion needs of it is no push."""
+    time = folder.table[:, 0] - folder.table[0, 0]
+    folder.table[:, 1] = 0.3 * np.sin(2 * np.pi * 0.5 * time)
+    folder.table[:, 2:4] = 1.0, 0.0
+    folder.table[:, 4] = 0.02 * np.random.default_rng(1).standard_normal(len(time))
+    needed = load_session(folder.write())
+    folder.table[:, 4] += np.interp(time, needed.time - needed.time[0], needed.inverse[:, 1])
+    quiet = load_session(folder.write())
+    assert quiet.still and quiet.joints == (1,) and np.ptp(quiet.inverse[:, 1]) > 1.0
+    assert find_events(Model(quiet), quiet) == ()
+    folder.table[800:1000, 4] += 1.0
+    pushed = load_session(folder.write())
+    (push,) = find_events(Model(pushed), pushed)
+    assert (push.begin, push.end) == pytest.approx((4.0, 5.0), abs=0.25)
+
+
 def test_joints_that_are_held_may_all_be_constant_and_the_trial_says_so(folder: Folder) -> None:
     """A good encoder shows no motion of a joint that does not move; pushes are looked for."""
     folder.table[:, 2:] = 1.0, 0.0, 3.0
