@@ -51,7 +51,7 @@ PEAK, FLANK = 6.0, 2.5
 SCALES = (0.0, 0.2, 0.6)
 #: Time that a motor moves its joint, s, before a fit to it tells what an excursion from rest takes.
 TELLS = 6.0
-#: How many events a second of motion are none but a form that is wrong.
+#: How often a second of motion something may stand out; more often it is a form that is wrong.
 OFTEN = 0.15
 #: What takes a larger share of the time than this is not local.
 LOCAL = 0.25
@@ -94,13 +94,14 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             # Of one that hardly rubs, a push itself would be taken for friction.
             rubs = rubbed > MIN_TORQUE * rms(recording.effort[samples, joint])
             known = rubbing_anyway(model, joint) if rubs else model
-            own = _joined(_moving(known, rows, joint, unknown_friction(model, rows, joint)))
-            own = [event for event in own if event.end - event.begin > SHORTEST]
+            stands_out = [*_moving(known, rows, joint, unknown_friction(model, rows, joint))]
+            often = len(_long(event for event, _ in stands_out))
+            own = _long(event for event, swings in stands_out if not swings)
             seconds = len(samples) * samples_step(samples) / recording.rate
             if int(driven(recording, joint, samples).sum()) * seconds > TELLS * len(samples):
                 torque = prediction(model, evaluate(model, rows).coefficients)[:, [joint]]
                 expected[joint] = recording.filtered(torque)[:, 0]
-            found += own if len(own) <= max(3.0, OFTEN * seconds) else []
+            found += own if often <= max(3.0, OFTEN * seconds) else []
     for joint in range(recording.effort.shape[1]):
         moved = expected.get(joint)
         abrupt = 0.0 if moved is None else ABRUPT * upper_octave(recording, joint)
@@ -122,8 +123,12 @@ def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
     return replace(recording, disturbed=disturbed)
 
 
-def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Iterator[Event]:
+def _moving(
+    model: Model, rows: Rows, joint: int, friction: np.ndarray
+) -> Iterator[tuple[Event, bool]]:
     """Yield what stands out of a moving joint's residual and is not there in other passes.
+
+    With each whether it swings back (`_swings`), so that it is no event.
 
     Args:
         model: what is known by now.
@@ -183,16 +188,15 @@ def _moving(model: Model, rows: Rows, joint: int, friction: np.ndarray) -> Itera
                     continue
                 if any(way.comes_back(smooth, top) for way in ways):
                     continue
-                if _swings(every, piece, run, max(1, round(BESIDE / step))):
-                    continue
                 peak = own[np.argmax(np.abs(left[own]))]
-                yield Event(
+                event = Event(
                     trial=int(recording.trial[samples[top]]),
                     joint=joint,
                     begin=float(recording.time[samples[own[0]]]),
                     end=float(recording.time[samples[own[-1]]]),
                     peak=float(left[peak]),
                 )
+                yield event, _swings(every, piece, run, max(1, round(BESIDE / step)))
 
 
 def _swings(every: np.ndarray, piece: np.ndarray, run: slice, beside: int) -> bool:
@@ -267,6 +271,11 @@ def _more_than_abrupt(
     if len(np.unique(block[like])) < LEAST_BLOCKS:
         return False
     return bool(share[top] > AS_ABRUPT * share[like].max())
+
+
+def _long(events: Iterable[Event]) -> list[Event]:
+    """Return events joined, without those that are shorter than any."""
+    return [event for event in _joined(events) if event.end - event.begin > SHORTEST]
 
 
 def _joined(events: Iterable[Event]) -> list[Event]:
