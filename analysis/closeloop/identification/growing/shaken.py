@@ -58,9 +58,10 @@ def only_answers(
 ) -> bool:
     """Whether an effect takes away of a line that shakes its joint, and of little else.
 
-    Torque that mostly has the line's frequency may be its cause, as a motor's ripple; unless it
-    passes from another joint, for what shakes one joint shakes its neighbours too, by some gain and
-    phase. (Set on three arms of an opponent that vibrate.)
+    Torque that mostly has the line's frequency may be its cause, as a motor's ripple. What shakes
+    one joint shakes its neighbours too, by some gain and phase: where torque passes from another
+    joint, it is the cause only if it leaves no such line. (Set on three arms of an opponent that
+    vibrate.)
 
     Args:
         line: of the residual without the effect.
@@ -76,7 +77,7 @@ def only_answers(
     power = (signals[samples] ** 2).sum(axis=0)
     share = _share_within(line, signals, rows.recording, samples)
     gain, beside = power[0] - power[1], (1.0 - share[:2]) * power[:2]
-    cause = share[2] > MOST and not passed
+    cause = share[2] > MOST and not (passed and share[1] > MOST)
     return bool(not cause and beside[0] - beside[1] < MOST * gain)
 
 
