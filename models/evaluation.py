@@ -10,6 +10,8 @@ from typing import Any
 from models.description import Description
 
 _OUTCOME = re.compile(r"[a-z][a-z0-9_]{0,39}")
+#: Success, where an instance stands, and what only a coordinator concludes.
+NO_FAILURES = frozenset({"ok", "pending", "leased", "done", "quarantined", "lost", "invalid"})
 
 #: Why no worker takes a model that says that it is deterministic and is not.
 NOT_DETERMINISTIC = (
@@ -31,9 +33,10 @@ class ModelFailure(Exception):  # noqa: N818 (named by the contract)
     """
 
     def __init__(self, outcome: str, reason: str, state: Mapping[str, Any] | None = None) -> None:
-        if not _OUTCOME.fullmatch(outcome) or outcome == "ok":
+        if not _OUTCOME.fullmatch(outcome) or outcome in NO_FAILURES:
             raise ValueError(
-                f"outcome {outcome[:80]!r} must be 1 to 40 of a to z, 0 to 9 and _, and not 'ok'"
+                f"outcome {outcome[:80]!r} must be 1 to 40 of a to z, 0 to 9 and _, and none of "
+                f"{', '.join(sorted(NO_FAILURES))}"
             )
         self.outcome, self.reason, self.state = outcome, reason, state
         super().__init__(f"{outcome}: {reason}")

@@ -9,6 +9,7 @@ import pytest
 
 from models.evaluation import ModelFailure
 from server.logic.fleet.verdicts import REASON_LENGTH, Judgement, Report, fault_in, judge, judge_all
+from server.logic.study.instances import RESERVED, STANDINGS
 from server.records import Instance, Lease, Result
 from server.states import REFUSALS, InstanceState
 
@@ -312,6 +313,12 @@ def test_a_failure_may_have_any_name_that_a_model_may_give_it(report: Reporting)
     for name in ("diverged", "step2_failed", "e" * 40):
         assert fault_in(report("i", outcome=name), ["y"]) is None
         assert ModelFailure(name, "").outcome == name
+
+
+@pytest.mark.parametrize("name", ["ok", *STANDINGS, *RESERVED])
+def test_no_model_may_name_a_failure_that_no_coordinator_takes(name: str) -> None:
+    with pytest.raises(ValueError, match="none of"):
+        ModelFailure(name, "")
 
 
 @pytest.mark.parametrize(
