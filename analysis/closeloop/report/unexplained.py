@@ -165,8 +165,8 @@ def oscillating(outcome: Outcome) -> list[str]:
         if strongest.rms**2 > MOSTLY * np.mean([_mean_square(error) for error in errors]):
             lines.append(
                 f"What is left of {recording.name(joint)} oscillates at {strongest.low_hz:.3g} to "
-                f"{strongest.high_hz:.3g} Hz, and its motion does not need that: look for what "
-                "vibrates there (a pump, a fan, a loose part, a tremor) and repeat without it."
+                f"{strongest.high_hz:.3g} Hz: look for what vibrates there (a pump, a fan, a loose "
+                "part, a tremor, a controller that rings) and repeat without it."
             )
     return lines
 
