@@ -57,6 +57,8 @@ async def _read(request: Request, kind: type[Body]) -> Body:
     except ClientDisconnect:
         # Nobody hears it, but who leaves in the middle is no failure of the coordinator's.
         raise HTTPException(HTTPStatus.BAD_REQUEST, "the body was cut short") from None
+    if not _is_json(request.headers.get("content-type", "")):
+        raise RequestValidationError([], body=body)
     try:
         return kind.model_validate_json(body)
     except ValidationError as error:
@@ -64,6 +66,12 @@ async def _read(request: Request, kind: type[Body]) -> Body:
         raise RequestValidationError(
             [{**fault, "loc": ("body", *fault["loc"])} for fault in found]
         ) from None
+
+
+def _is_json(kind: str) -> bool:
+    """Say whether a Content-Type is JSON's, as FastAPI does of other routes."""
+    family, _, member = kind.partition(";")[0].strip().lower().partition("/")
+    return family == "application" and (member == "json" or member.endswith("+json"))
 
 
 async def no_key_twice(request: Request) -> None:

@@ -189,7 +189,10 @@ def fault_in(
     """
     ok = report.outcome == _OK
     if not ok and not _OUTCOME.fullmatch(report.outcome):
-        return "the outcome must be 'ok' or a failure in 1 to 40 of a to z, 0 to 9 and _"
+        return (
+            "the outcome must be 'ok' or a failure in 1 to 40 of a to z, 0 to 9 and _, beginning "
+            "with no digit"
+        )
     if report.outcome in RESERVED:
         return f"only the coordinator concludes {report.outcome!r}"
     if report.outcome in STANDINGS:

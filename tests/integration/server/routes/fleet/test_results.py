@@ -178,6 +178,25 @@ def test_one_refusal_makes_it_409_but_the_good_ones_are_taken(
     assert client.get(f"/v1/studies/{study['id']}/progress").json()["ok"] == 1
 
 
+@pytest.mark.parametrize(
+    ("kind", "status"),
+    [
+        ("application/json", 200),
+        ("application/JSON; charset=utf-8", 200),
+        ("text/plain", 415),
+        ("", 415),
+    ],
+)
+def test_results_are_taken_if_they_are_called_json(
+    client: TestClient, lease: Json, kind: str, status: int
+) -> None:
+    text = json.dumps(posting(lease, [result(lease["instances"][0])]))
+    response = client.post("/v1/results", content=text, headers={"Content-Type": kind})
+    assert response.status_code == status
+    if status == 415:
+        assert "send application/json" in response.json()["detail"]
+
+
 WITHOUT_SHAPE: list[Json] = [
     {"results": []},
     {"results": [{"outcome": "ok"}]},
