@@ -146,7 +146,8 @@ class Adversary:
         return answer
 
     def _garbage(self, http: httpx2.Client, _: Engine) -> httpx2.Response:
-        return http.post("/v1/results", content=self._rng.randbytes(2000))
+        headers = {"Content-Type": "application/json"}
+        return http.post("/v1/results", content=self._rng.randbytes(2000), headers=headers)
 
     def _flood(self, http: httpx2.Client, _: Engine) -> httpx2.Response:
         headers = {"Content-Length": str(FLOOD)}
