@@ -3,6 +3,7 @@
 import json
 import signal
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -141,10 +142,19 @@ def read_json(source: str) -> Any:
     """Return the JSON in a file, or of standard input if `source` is "-".
 
     Raises:
-        typer.BadParameter: it cannot be read, or is not JSON.
+        typer.BadParameter: it cannot be read, is not JSON, or has a key twice.
     """
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            key = Counter(key for key, _ in pairs).most_common(1)[0][0]
+            raise typer.BadParameter(f"{source}: the key {key!r} comes twice: leave out one")
+        return found
+
     try:
-        return json.loads(sys.stdin.read() if source == "-" else Path(source).read_text())
+        text = sys.stdin.read() if source == "-" else Path(source).read_text()
+        return json.loads(text, object_pairs_hook=once)
     except OSError as error:
         raise typer.BadParameter(f"{source} cannot be read: {error.strerror}") from None
     except ValueError as error:

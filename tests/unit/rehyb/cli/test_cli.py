@@ -284,6 +284,13 @@ def test_every_command_explains_itself_and_has_a_json_form(run: Run) -> None:
         assert "--json" in out, command
 
 
+def test_a_key_that_comes_twice_in_a_file_is_named(tmp_path: Path) -> None:
+    """As by REST: the last one was taken without a word."""
+    (tmp_path / "study.json").write_text('{"factors": [{"name": "x1", "low": 0, "low": 1}]}')
+    with pytest.raises(typer.BadParameter, match=r"study\.json: the key 'low' comes twice"):
+        read_json(str(tmp_path / "study.json"))
+
+
 def test_json_nested_without_end_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "deep.json").write_text("[" * 100_000)
     with pytest.raises(typer.BadParameter, match=r"deep\.json is nested too deeply"):
