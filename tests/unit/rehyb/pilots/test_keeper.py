@@ -1,4 +1,4 @@
-"""How many pilots there are, and what a pilots file may say."""
+"""Pilots come with work, go without it, and none works that nobody counts."""
 
 import os
 import subprocess
@@ -10,12 +10,10 @@ import httpx2
 import pytest
 
 from rehyb.client import Client
-from rehyb.durations import seconds
-from rehyb.errors import FleetError, Invalid
+from rehyb.errors import FleetError
 from rehyb.pilots.engines import JobState
 from rehyb.pilots.keeper import ENVIRONMENT, JOB, SHORT_LIVES, TICKETS, Keeper
-from rehyb.pilots.scaling import Work, may_start, step
-from rehyb.pilots.settings import checked, read
+from rehyb.pilots.settings import checked
 from tests.testbed.command import Run
 
 WAITING, RUNNING, ENDED = JobState.WAITING, JobState.RUNNING, JobState.ENDED
@@ -82,115 +80,6 @@ class Site:
 @pytest.fixture
 def site(tmp_path: Path) -> Site:
     return Site(tmp_path / "site")
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("90", 90),
-        ("90s", 90),
-        ("1.5m", 90),
-        ("1h30m", 5400),
-        ("2h", 7200),
-        ("1d", 86400),
-        ("02:00:00", 7200),
-        ("1-00:00:10", 86410),
-        (" 2 H ", 7200),
-    ],
-)
-def test_a_time_is_written_as_people_do(text: str, expected: float) -> None:
-    assert seconds(text, "walltime") == expected
-
-
-@pytest.mark.parametrize("text", ["", "0", "soon", "-1h", "2 weeks", "00:99:00", "1e3", "0s", "h"])
-def test_what_is_no_time_is_refused(text: str) -> None:
-    with pytest.raises(Invalid, match="walltime is a time like 90s"):
-        seconds(text, "walltime")
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"provider": "cloud"}, "there is no provider 'cloud': take local, slurm, pbs"),
-        ({"walltime": "2m"}, "too short for an instance, which may take 120 s"),
-        ({"walltime": "20s", "instance": 1}, "too short for an instance"),
-        ({"walltime": "long"}, "walltime is a time like 90s"),
-        ({"walltime": [1]}, "walltime is a time like 90"),
-        (
-            {"walltime": "99999999999999999999h"},
-            "walltime is a year at most, not '99999999999999999999h'",
-        ),
-        ({"idle": "9" * 400 + "h"}, "idle is a year at most, not '9999"),
-        ({"worker": ""}, "worker is '': it is the command of a worker on one line"),
-        ({"worker": "w\nrm -rf x"}, "what comes before it is said as `before`"),
-        ({"worker": "'unclosed"}, "on one line, .* and this one has No closing quotation"),
-        ({"cores": 0}, "cores is a whole number from 1 to 100000, not 0"),
-        ({"cores": 2**63 - 1}, "cores is a whole number from 1 to 100000, not 9223372036854775807"),
-        ({"cores": True}, "cores is a whole number from 1"),
-        ({"minimum": 4}, "minimum = 4 is more than maximum = 3"),
-        ({"minimun": 1}, "there is no entry 'minimun': the entries are provider"),
-        ({"before": 3}, "before is a text in quotes, not 3"),
-        ({"options": "x"}, r"options is a table, \[options\]"),
-    ],
-)
-def test_a_pilots_file_that_cannot_be_is_one_sentence(change: dict[str, Any], words: str) -> None:
-    with pytest.raises(Invalid, match=words):
-        checked({**FILE, **change})
-
-
-def test_a_pilots_file_that_cannot_be_read_is_one_sentence(tmp_path: Path) -> None:
-    file = tmp_path / "site.toml"
-    with pytest.raises(Invalid, match=r"site.toml cannot be read: No such file"):
-        read(file)
-    file.write_text("provider = ")
-    with pytest.raises(Invalid, match=r"site.toml is not TOML"):
-        read(file)
-    file.write_text("cores = 1")
-    with pytest.raises(Invalid, match=r"site.toml: provider is missing"):
-        read(file)
-
-
-def test_without_the_batch_systems_command_it_says_where_to_run(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    file = tmp_path / "site.toml"
-    file.write_text('provider = "slurm"\nwalltime = "1h"\ncores = 1\nmaximum = 1\n')
-    status, _, words = run("pilots", str(file))
-    assert status == 2
-    assert words.startswith("rehyb: there is no sbatch on this machine")
-    assert len(words.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("work", "jobs", "wanted", "submit", "cancel"),
-    [
-        ((0, 0), "", 1, 1, ""),
-        ((9, 0), "", 3, 3, ""),
-        ((1000, 0), "", 5, 4, ""),
-        ((9, 4), "RR", 4, 2, ""),
-        # Who has all there is needs no company.
-        ((0, 16), "RR", 4, 0, ""),
-        # Nothing waits: jobs that have not begun go, those that run leave by themselves.
-        ((0, 4), "RRWW", 1, 0, "32"),
-        ((0, 0), "RRR", 1, 0, ""),
-        # The last to come goes first.
-        ((8, 0), "WWW", 2, 0, "2"),
-    ],
-)
-def test_there_are_as_many_pilots_as_there_is_work_for(
-    work: tuple[int, int], jobs: str, wanted: int, submit: int, cancel: str
-) -> None:
-    there = {str(n): WAITING if letter == "W" else RUNNING for n, letter in enumerate(jobs)}
-    found = step(
-        Work(waiting=work[0], under_way=work[1]), there, cores=4, minimum=1, maximum=5, may_start=4
-    )
-    assert (found.wanted, found.submit, "".join(found.cancel)) == (wanted, submit, cancel)
-
-
-def test_no_more_are_started_within_a_minute_than_allowed() -> None:
-    assert may_start([0.0, 1.0, 50.0], now=59.0, a_minute=3) == 0
-    assert may_start([0.0, 1.0, 50.0], now=60.5, a_minute=3) == 1
 
 
 def test_pilots_come_with_work_and_those_that_wait_go_with_it(site: Site) -> None:
