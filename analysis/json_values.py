@@ -1,5 +1,7 @@
 """What a number may be that comes or goes as JSON (Bray 2017, RFC 8259, section 6)."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict
 from math import isfinite
 from typing import Any
@@ -13,6 +15,12 @@ def is_finite_number(value: object) -> bool:
         return isfinite(value)
     except OverflowError:
         return False
+
+
+def key_twice(pairs: Sequence[tuple[str, Any]]) -> str | None:
+    """Return a key that comes twice in an object, as `json.loads` gives its pairs; None if none."""
+    key, times = Counter(key for key, _ in pairs).most_common(1)[0] if pairs else ("", 0)
+    return key if times > 1 else None
 
 
 def number(value: float) -> float | None:

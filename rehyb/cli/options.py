@@ -3,7 +3,6 @@
 import json
 import signal
 import sys
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from analysis.json_values import key_twice
 from rehyb.errors import Invalid
 
 if TYPE_CHECKING:
@@ -146,11 +146,9 @@ def read_json(source: str) -> Any:
     """
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found = dict(pairs)
-        if len(found) < len(pairs):
-            key = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        if (key := key_twice(pairs)) is not None:
             raise typer.BadParameter(f"{source}: the key {key!r} comes twice: leave out one")
-        return found
+        return dict(pairs)
 
     try:
         text = sys.stdin.read() if source == "-" else Path(source).read_text()

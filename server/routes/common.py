@@ -1,7 +1,6 @@
 """What the routes share: where they find the store and the time, and how strictly they read."""
 
 import json
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from http import HTTPStatus
@@ -17,6 +16,7 @@ from sqlalchemy.engine import Engine
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
+from analysis.json_values import key_twice
 from server.logic.conditional_requests import is_known
 from server.logic.fleet.unserved import Patience
 from server.metrics import Metrics
@@ -79,7 +79,8 @@ async def no_key_twice(request: Request) -> None:
     twice: list[str] = []
 
     def noted(pairs: list[tuple[str, Any]]) -> None:
-        twice.extend(key for key, times in Counter(key for key, _ in pairs).items() if times > 1)
+        if (key := key_twice(pairs)) is not None:
+            twice.append(key)
 
     # What is no JSON is said where it is read.
     with suppress(ValueError, RecursionError):
