@@ -157,7 +157,7 @@ def _moving(
     matters = MIN_TORQUE * rms(recording.effort[samples, joint])
     line = strongest_line([beyond.alone[piece] for piece in pieces], 1.0 / step)
     matters = max(matters, 0.0 if line is None else OF_LINE * line.rms)
-    every = np.empty(0)
+    every: np.ndarray | None = None
     for seconds in SCALES:
         width = max(1, round(seconds / step))
         relative, sure, alone, predicted, excused, abrupt = (
@@ -169,8 +169,8 @@ def _moving(
         size = np.abs(relative) / max(spread(relative), 1e-12)
         size = np.minimum(size, np.abs(alone) / usual)
         smooth = np.sign(predicted) * size
-        # Means of what rings are its first swing alone.
-        every = every if len(every) else smooth
+        # Of single rows, by the first scale: means of what rings are its first swing alone.
+        every = smooth if every is None else every
         if np.mean(size > PEAK) > LOCAL:
             continue
         for piece in pieces:

@@ -166,16 +166,14 @@ def advice(outcome: Outcome) -> list[str]:
     pushed_only = found.verdict != Verdict.UNEXPLAINED and not left_beside_events(outcome)
     if verdict == Verdict.UNEXPLAINED and moves_one_way(found.rows):
         lines.append(f"Move to and fro, at two or more speeds: {ONE_WAY}.")
-    elif verdict == Verdict.UNEXPLAINED and (shaken := oscillating(outcome)):
-        lines += shaken
     elif verdict == Verdict.UNEXPLAINED and not pushed_only:
         more = (
             "EMG, temperature, the limb's own angle" if recording.limbs else "temperature, currents"
         )
-        lines.append(
+        lines += oscillating(outcome) or [
             "No catalogued effect explains what is left; `unexplained` names the recorded signals "
             f"that it goes with. Record more signals ({more})."
-        )
+        ]
     return lines
 
 

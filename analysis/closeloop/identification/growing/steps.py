@@ -3,6 +3,8 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from analysis.closeloop.identification.balance.declared import declared_again
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
@@ -154,7 +156,8 @@ def _next_step(
     score = current if beside is model else evaluate(beside, rows)
     options = options_beside(beside, rows, score, tried)
     if lines := shaken(model, current, rows):
-        options = [o for o in options if not _answers(o, lines, beside, score, rows)]
+        left = estimate_of(beside, score.coefficients).residual
+        options = [o for o in options if not _answers(o, lines, left, score, rows)]
     step = choose(options, beside, score, rows, least * score.loss, of_form)
     late = [o for o in options[:FOREMOST] if not o.refused and o.gain > LARGE_GAIN * score.loss]
     if step is None:
@@ -180,7 +183,7 @@ def _next_step(
 
 
 def _answers(
-    option: Option, lines: Mapping[int, Peak], model: Model, current: Score, rows: Rows
+    option: Option, lines: Mapping[int, Peak], left: np.ndarray, current: Score, rows: Rows
 ) -> bool:
     """Whether an option may only answer what shakes its joint.
 
@@ -191,8 +194,8 @@ def _answers(
     Args:
         option: beside the model.
         lines: what shakes joints.
-        model: without the option.
-        current: its score.
+        left: the residual without the option, (n, joints).
+        current: the score without it.
         rows: the samples that are fitted.
     """
     effect, joint = option.candidate.effect, option.candidate.joint
@@ -200,10 +203,9 @@ def _answers(
         return False
     if effect.filters:
         return not (effect.channel and takes_all(current.losses, option.score.losses))
-    before = estimate_of(model, current.coefficients).residual
     after = estimate_of(option.model, option.score.coefficients).residual
     passed = any(parameter.name == "other_dof" for parameter in effect.nonlinear)
-    return only_answers(lines[joint], before, after, rows, joint, passed=passed)
+    return only_answers(lines[joint], left, after, rows, joint, passed=passed)
 
 
 def _late(
