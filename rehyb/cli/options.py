@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from analysis.json_values import key_twice
 from rehyb.errors import Invalid
 
 if TYPE_CHECKING:
@@ -144,6 +143,7 @@ def read_json(source: str) -> Any:
     Raises:
         typer.BadParameter: it cannot be read, is not JSON, or has a key twice.
     """
+    from analysis.json_values import key_twice
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         if (key := key_twice(pairs)) is not None:
