@@ -39,10 +39,10 @@ class Report:
     """One result as a worker reports it; nothing about its values has been checked."""
 
     instance: str
-    outcome: str
-    outputs: Mapping[str, Any] | None
-    reason: str | None
-    state: Mapping[str, Any] | None
+    outcome: Any
+    outputs: Any
+    reason: Any
+    state: Any
     wall_seconds: Any
 
 
@@ -188,7 +188,7 @@ def fault_in(
     The outputs of a failure are ignored: they are not numbers anybody may use.
     """
     ok = report.outcome == _OK
-    if not ok and not _OUTCOME.fullmatch(report.outcome):
+    if not ok and not (isinstance(report.outcome, str) and _OUTCOME.fullmatch(report.outcome)):
         return (
             "the outcome must be 'ok' or a failure in 1 to 40 of a to z, 0 to 9 and _, beginning "
             "with no digit"
@@ -200,13 +200,19 @@ def fault_in(
     wall = report.wall_seconds
     if wall is not None and not (is_finite_number(wall) and 0 <= wall <= LONGEST_RUN):
         return f"wall_seconds must be a number from 0 to {LONGEST_RUN:g}, or null"
+    if report.reason is not None and not isinstance(report.reason, str):
+        return "reason must be text, or null"
     if report.state is not None:
+        if not isinstance(report.state, Mapping):
+            return "state must be an object, or null"
         flaw = flaw_in(report.state, STATE_DEPTH, STATE_VALUES)
         if flaw is not None:
             return _FLAWS[flaw]
     if not ok:
         return None
-    given = report.outputs or {}
+    given = {} if report.outputs is None else report.outputs
+    if not isinstance(given, Mapping):
+        return "outputs must be an object: numbers by name"
     if curves:
         for name in curves:
             if name not in given:

@@ -51,10 +51,14 @@ class ResultBody(Body):
     """One result; its values are judged one result at a time, so that one cannot spoil all."""
 
     instance: Short
-    outcome: Short
-    outputs: dict[str, Any] | None = None
-    reason: str | None = None
-    state: dict[str, Any] | None = None
+    #: "ok", or a name of a failure.
+    outcome: Any
+    #: Numbers by name, of curves lists; of a failure they are ignored.
+    outputs: Any = None
+    #: A sentence or a traceback.
+    reason: Any = None
+    #: An object, the state in which it failed.
+    state: Any = None
     wall_seconds: Any = None
 
 

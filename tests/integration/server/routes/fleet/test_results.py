@@ -156,7 +156,7 @@ def test_good_results_are_accepted(client: TestClient, lease: Json) -> None:
 def test_one_refusal_makes_it_409_but_the_good_ones_are_taken(
     client: TestClient, study: Json, lease: Json
 ) -> None:
-    a, b, c, *_ = lease["instances"]
+    a, b, c, d, e, f = lease["instances"]
     text = json.dumps(
         posting(
             lease,
@@ -165,6 +165,9 @@ def test_one_refusal_makes_it_409_but_the_good_ones_are_taken(
                 result(b),
                 result({"id": "forged"}),
                 result(c, outputs=None),
+                result(d, outcome="x" * 300),
+                result(e, reason=5),
+                result(f, state=[1]),
             ],
         )
     )
@@ -173,7 +176,7 @@ def test_one_refusal_makes_it_409_but_the_good_ones_are_taken(
     )
     assert response.status_code == 409
     verdicts = response.json()["verdicts"]
-    assert [v["verdict"] for v in verdicts] == ["invalid", "accepted", "unknown", "invalid"]
+    assert [v["verdict"] for v in verdicts] == ["invalid", "accepted", "unknown", *["invalid"] * 4]
     assert all(v["detail"] for v in verdicts if v["verdict"] != "accepted")
     assert client.get(f"/v1/studies/{study['id']}/progress").json()["ok"] == 1
 
