@@ -69,14 +69,15 @@ class Settings(BaseSettings):
 
 
 def _check_tls(certificate: str, key: str) -> None:
-    """Raise ValueError unless files hold a certificate and its key; of errors OpenSSL says little.
-
-    That of a key with a password is found when it is asked for.
-    """
+    """Raise ValueError unless files hold a certificate and its key, for which no one is asked."""
     found = _pem("REHYB_TLS_KEY", key, "PRIVATE KEY")
     _pem("REHYB_TLS_CERTIFICATE", certificate, "CERTIFICATE")
     if "ENCRYPTED" in found:
-        return
+        # Whoever starts a service is not there to be asked.
+        raise ValueError(
+            f"REHYB_TLS_KEY: {key} has a password, which nobody could be asked for: write it "
+            "without one by `openssl pkey -in KEY -out FILE`"
+        )
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
     except ssl.SSLError as error:

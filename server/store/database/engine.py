@@ -24,6 +24,15 @@ T = TypeVar("T")
 
 #: Of databases, as SQLAlchemy's URLs call them.
 KINDS = ("sqlite", "postgresql+psycopg")
+#: Options of libpq that are whole numbers.
+_WHOLE_NUMBERS = {
+    "connect_timeout",
+    "keepalives",
+    "keepalives_idle",
+    "keepalives_interval",
+    "keepalives_count",
+    "tcp_user_timeout",
+}
 #: Writes what goes into columns of JSON: `json.dumps` would make a new encoder for every value.
 JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 #: Seconds a transaction waits for another process to finish writing.
@@ -50,7 +59,8 @@ def create_engine(
             for a lock for longer than `LOCK_SECONDS`.
 
     Raises:
-        BadSettingError: there is no such kind of database, or the URL is none, or names no file.
+        BadSettingError: there is no such kind of database, or the URL is none, names no file, or
+            has options that no such database takes.
     """
     engine = sa.create_engine(
         of_known_kind(url),
@@ -64,6 +74,8 @@ def create_engine(
         # the turns stay out of the pool, and SQLite's are not cut.
         pool_pre_ping=not url.startswith("sqlite"),
     )
+    if engine.dialect.name == "postgresql":
+        _check_server(engine)
     _close_what_comes_back_late(engine)
     if engine.dialect.name == "sqlite":
         sa.event.listen(engine, "connect", _open_sqlite)
@@ -98,13 +110,44 @@ def of_known_kind(url: str) -> sa.URL:
 def _of_a_file(url: sa.URL) -> sa.URL:
     """Return a URL of SQLite that names a file; one in memory would be gone with its connection."""
     # What follows two slashes is a host.
-    named = url.host is None and url.database not in (None, "", ":memory:")
-    if named and url.query.get("mode") != "memory":
-        return url
-    raise BadSettingError(
-        "the database's URL names no file: sqlite:///FILE has three slashes, and a fourth before "
-        "a path from the root"
-    )
+    if url.host is not None or url.database in (None, "", ":memory:"):
+        raise BadSettingError(
+            "the database's URL names no file: sqlite:///FILE has three slashes, and a fourth "
+            "before a path from the root"
+        )
+    if url.query:
+        raise BadSettingError(
+            f"sqlite:///FILE takes no options: leave out ?{next(iter(url.query))}"
+        )
+    return url
+
+
+def _check_server(engine: Engine) -> None:
+    """Raise BadSettingError unless a URL's options are libpq's: a wrong one looks like no answer.
+
+    libpq finds out only when it connects, and then nobody could tell it from a server that is away.
+    """
+    from psycopg import ProgrammingError
+    from psycopg.conninfo import make_conninfo
+
+    _, given = engine.dialect.create_connect_args(engine.url)
+    options = {name: str(value) for name, value in given.items() if name != "context"}
+    try:
+        make_conninfo(**options)
+    except ProgrammingError as error:
+        raise BadSettingError(f"the database's URL: {str(error).strip()}") from None
+    for name in _WHOLE_NUMBERS & options.keys():
+        if not _is_whole(options[name]):
+            raise BadSettingError(
+                f"the database's URL: {name} is a whole number, not {options[name]!r}"
+            )
+    for port in options.get("port", "").split(","):
+        if port and not (_is_whole(port) and 0 < int(port) < 65536):
+            raise BadSettingError(f"the database's URL: a port is 1 to 65535, not {port!r}")
+
+
+def _is_whole(text: str) -> bool:
+    return text.isascii() and text.isdigit()
 
 
 @contextmanager

@@ -93,6 +93,12 @@ def test_a_file_that_is_no_certificate_or_key_is_named_with_its_variable(
         return refused.value.errors()[0]["msg"].removeprefix("Value error, ")
 
     assert said() == f"REHYB_TLS_KEY: {key} cannot be read: No such file or directory"
+    for kind in ("ENCRYPTED PRIVATE KEY", "RSA PRIVATE KEY"):
+        # Of both ways in which a password is written.
+        header = "\nProc-Type: 4,ENCRYPTED" if kind.startswith("RSA") else ""
+        key.write_text(f"-----BEGIN {kind}-----{header}\nAAAA\n-----END {kind}-----\n")
+        certificate.write_text(key.read_text().replace(kind, "CERTIFICATE"))
+        assert said().startswith(f"REHYB_TLS_KEY: {key} has a password, which nobody could be")
     key.write_text("-----BEGIN PRIVATE KEY-----\nAAAA\n-----END PRIVATE KEY-----\n")
     certificate.write_bytes(b"\xff\x00")
     assert said() == f"REHYB_TLS_CERTIFICATE: {certificate} is no PEM file with a certificate"
