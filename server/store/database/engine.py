@@ -137,7 +137,8 @@ def _check_server(engine: Engine) -> None:
     except ProgrammingError as error:
         raise BadSettingError(f"the database's URL: {str(error).strip()}") from None
     for name in _WHOLE_NUMBERS & options.keys():
-        if not _is_whole(options[name]):
+        # Below zero, a time has no end.
+        if not _is_whole(options[name].removeprefix("-")):
             raise BadSettingError(
                 f"the database's URL: {name} is a whole number, not {options[name]!r}"
             )

@@ -62,7 +62,7 @@ def test_an_option_that_no_database_takes_is_refused_before_anybody_waits(
     "url",
     [
         "postgresql+psycopg://me:secret@lab:5433/x?connect_timeout=3&sslmode=require",
-        "postgresql+psycopg:///x?host=/run/postgresql",
+        "postgresql+psycopg:///x?host=/run/postgresql&connect_timeout=-1",
         "postgresql+psycopg:///x?host=one:5433&host=two:5434&target_session_attrs=read-write",
     ],
 )
