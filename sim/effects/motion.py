@@ -31,8 +31,8 @@ class Recording(Protocol):
     `usable`, (n,); what somebody pushed is `disturbed`; `joints` are those whose balance is
     analysed, `limbs` those at which a limb acts. `effort` is low-passed for the fit, `sensed` as it
     was recorded; both are NaN where a joint has none. `inverse` is the torque that the declared
-    chain needs, `static` what holding still in the same place would take, `own_inertia` the
-    diagonal of the mass matrix. Below `rest_speed`, (joints,), a joint rests.
+    chain needs, `static` what holding still in the same place would take. Below `rest_speed`,
+    (joints,), a joint rests.
     """
 
     @property
@@ -69,8 +69,6 @@ class Recording(Protocol):
     def inverse(self) -> np.ndarray: ...
     @property
     def static(self) -> np.ndarray: ...
-    @property
-    def own_inertia(self) -> np.ndarray: ...
     @property
     def top_speed(self) -> np.ndarray: ...
     @property
@@ -113,6 +111,12 @@ class Recording(Protocol):
 
     def weight(self, joint: int) -> np.ndarray:
         """Return what holds the joint in one m/s2 of gravity along x, y and z, (n, 3)."""
+
+    def drag(self, joint: int) -> np.ndarray:
+        """Return the change of every torque with a joint's speed, as it moves, (n, joints)."""
+
+    def inertia(self, joint: int) -> np.ndarray:
+        """Return the torque of every joint for one unit of a joint's acceleration, (n, joints)."""
 
     def secant(self, joint: int, step: float, *, moving: bool = False) -> np.ndarray:
         """Return the change of every torque over `step` of one joint's position.

@@ -11,6 +11,7 @@ from analysis.closeloop.identification.balance.model import (
     Channel,
     Model,
     Term,
+    estimate_beside,
     estimate_of,
     evaluate,
     with_independent,
@@ -317,7 +318,7 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
         left_out = ()
     for number, scale in enumerate(REFINEMENTS[:rounds], 1):
         begun = current.sse
-        estimate = _estimate_beside(model, current, own)
+        estimate = estimate_beside(model, np.array(current.coefficients), own)
         joint = RecordedJoint(model.recording, candidate.joint, estimate)
         if candidate.effect.uses_estimate and own is not None:
             grid = _turning_alike(candidate.effect.thetas(joint), turning)
@@ -335,15 +336,6 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
             break
     # Coefficients must follow the order of the model's terms.
     return model, evaluate(model, rows)
-
-
-def _estimate_beside(model: Model, current: Score, own: Term | None) -> Estimate:
-    """Return the estimate of the fitted model without the torque of the effect in question."""
-    coefficients = np.array(current.coefficients)
-    for term, part in model.split(coefficients):
-        if own is not None and term.candidate is not None and term.candidate == own.candidate:
-            part[:] = 0.0
-    return estimate_of(model, coefficients)
 
 
 def with_law(

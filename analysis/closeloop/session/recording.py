@@ -136,24 +136,34 @@ class Recording:
 
     def secant(self, joint: int, step: float, *, moving: bool = False) -> np.ndarray:
         """Change of every torque over `step` of one joint's position, still or not, (n, joints)."""
-        key = ("secant", joint, step, moving)
-        if key not in self.cache:
+
+        def make() -> np.ndarray:
             there = self.position.copy()
             there[:, joint] += step
             if moving:
                 change = self._inverse(there, self.velocity, self.acceleration) - self.rigid
             else:
                 change = self._at_rest(there) - self.static
-            self.cache[key] = change / step
-        return self.cache[key]
+            return np.asarray(change / step)
 
-    @cached_property
-    def own_inertia(self) -> np.ndarray:
-        """Diagonal of the mass matrix, kg m2 or kg; NaN at joints that are not analysed."""
-        found = np.full_like(self.position, np.nan)
-        for joint in self.joints:
-            found[:, joint] = (self._at_rest(self.position, joint) - self.static)[:, joint]
-        return found
+        return self._once(("secant", joint, step, moving), make)
+
+    def drag(self, joint: int) -> np.ndarray:
+        """Change of every torque with a joint's speed, as it moves, (n, joints)."""
+
+        def at(speed: float) -> np.ndarray:
+            there = self.velocity.copy()
+            there[:, joint] += speed
+            return self._inverse(self.position, there, self.acceleration)
+
+        # Exact of what grows with the square of a speed.
+        return self._once(("drag", joint), lambda: 0.5 * (at(1.0) - at(-1.0)))
+
+    def inertia(self, joint: int) -> np.ndarray:
+        """Torque of every joint for one unit of a joint's acceleration, (n, joints)."""
+        return self._once(
+            ("inertia", joint), lambda: self._at_rest(self.position, joint) - self.static
+        )
 
     def is_hinge(self, joint: int) -> bool:
         """Whether the joint turns; else it slides."""
@@ -206,10 +216,7 @@ class Recording:
 
     def link_torque(self, body: int) -> np.ndarray:
         """Return the torques for one unit of each inertial parameter of a body, (n, joints, 10)."""
-        key = ("link", body)
-        if key not in self.cache:
-            self.cache[key] = self.chain.link_torque(body)
-        return self.cache[key]
+        return self._once(("link", body), lambda: self.chain.link_torque(body))
 
     @property
     def gravity(self) -> np.ndarray:
@@ -218,10 +225,7 @@ class Recording:
 
     def weight(self, joint: int) -> np.ndarray:
         """Return what holds a joint in one m/s2 of gravity along x, y and z, (n, 3)."""
-        key = ("weight", joint)
-        if key not in self.cache:
-            self.cache[key] = self.chain.weight(joint)
-        return self.cache[key]
+        return self._once(("weight", joint), lambda: self.chain.weight(joint))
 
     def of_joint(self, joint: int) -> "Recording":
         """Return the same recording with the balance of one joint only."""
@@ -340,6 +344,12 @@ class Recording:
             below: the same of its denominator.
         """
         return self._by_piece(columns, lambda piece: through(piece, above, below, self.rate))
+
+    def _once(self, key: tuple[object, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return what has been made once by this name."""
+        if key not in self.cache:
+            self.cache[key] = make()
+        return self.cache[key]
 
     def _by_piece(
         self, columns: np.ndarray, change: Callable[[np.ndarray], np.ndarray]

@@ -231,7 +231,7 @@ class AddedInertia(Law):
         # A limb's own inertia is a guess from height and weight, and may be less; a motor's is not.
         if joint.number not in joint.recording.limbs:
             return {"inertia": (0.0, np.inf)}
-        own = joint.recording.own_inertia[:, joint.number]
+        own = joint.recording.inertia(joint.number)[:, joint.number]
         return {"inertia": (-MAX_REMOVED * float(own.min()), np.inf)}
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:

@@ -4,9 +4,10 @@ Spong 1987 (elastic joints); Nordin and Gutman 2002 (backlash). The motor's own 
 friction lie before spring and gap, and its position is what is recorded.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from sim.effects.effect import Columns, Effect, Limits, Theta
 from sim.effects.motion import RecordedJoint
@@ -23,20 +24,23 @@ UPSIDE_DOWN = 0.5
 RESONANCES = (1.5, 1.9, 2.4, 3.0, 3.7, 4.6, 5.8, 7.2, 9.0, 11.0, 14.0, 18.0, 25.0)
 #: What a swing has faded to, before the first samples that show it, is not determined by them.
 FADED = 0.1
-#: Times that the twist is computed anew for how it leans.
-LEANS = 3
 #: Samples of a flight through a gap that are computed at a time.
 FLIGHT = 64
 
 
-class SeriesElasticity(Effect):
+class LooseLink(Effect):
+    """A link that is not where its motor is, which the motors of the other joints feel, too."""
+
+
+class SeriesElasticity(LooseLink):
     """A spring between the recorded position and the limb: the limb is twisted behind by d.
 
     The motor's own inertia and damping lie before the spring (Spong 1987). Behind it the link with
     M, D, K and the slope of gravity g' follows M d'' + (D + e) d' + (K + g' + k) d = u, where u is
-    the torque that the link would need without a spring of k and e; the balance changes by
-    -(M d'' + D d' + (K + g') d). The column is that over the compliance 1 / k, which goes with the
-    frequency at which the link swings on the spring, so it is exact once both agree.
+    the torque that the link would need without a spring of k and e, and M, D and g' are those of
+    where the arm is and how it moves; the balance changes by -(M d'' + D d' + (K + g') d). The
+    column is that over the compliance 1 / k, which goes with the frequency at which the link swings
+    on the spring, on average, so it is exact once both agree.
 
     How the link swings when a piece of the recording begins nothing says but what is left of that
     piece: its initial state is fitted to it, in held-out trials too, as is usual where predictions
@@ -65,26 +69,24 @@ class SeriesElasticity(Effect):
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         recording, number = joint.recording, joint.number
-        estimate = joint.estimate
-        inertia, stiffness = self._link(joint)
-        load = estimate.carried[:, number]
-        spring = self._spring(joint, theta)
+        load = joint.estimate.carried[:, number]
+        spring, inertia = self._spring(joint, theta), _behind(joint)
+        own = 2.0 * theta["damping_ratio"] * np.sqrt(spring * inertia.mean())
         # A first estimate may be such that nothing would hang on the spring stably.
-        damping = max(float(estimate.damping[number]), 0.0)
-        stiffness = max(stiffness, -UPSIDE_DOWN * spring)
-        own = 2.0 * theta["damping_ratio"] * np.sqrt(spring * inertia)
-        lost = [inertia, damping, stiffness]
-        whole = [inertia, damping + own, stiffness + spring]
-        # Where the slope of gravity is not its mean, what is twisted leans as if by a further load.
-        slope = recording.secant(number, 1e-4)[:, number]
-        slope = (slope - np.nanmean(slope)) / spring
-        leans = np.zeros(len(load))
-        for _ in range(LEANS):
-            pull = load - leans
-            twisted = recording.through(pull[:, None], [-x for x in lost], whole)[:, 0]
-            leans = slope * (pull + twisted)
-        swings = _swings(joint, whole, twisted - leans)
-        return {number: ((twisted - leans + (1.0 - slope) * swings) * spring)[:, None]}
+        damping = max(float(joint.estimate.damping[number]), 0.0) + _drag(joint) + own
+        stiffness = np.maximum(_stiffness(joint), -UPSIDE_DOWN * spring) + spring
+        begins = np.array([piece.start for piece in recording.slices])
+        ways = hanging(inertia, damping, stiffness, load, begins, 1.0 / recording.rate)
+        felt = spring * ways[..., 0] + own * ways[..., 1]
+        felt[:, 0] -= load
+        decay = 0.5 * float(damping.mean() / inertia.mean())
+        swings = _swings(joint, felt, decay)
+        change = np.einsum("nw,nw->n", felt, swings)
+        behind = np.einsum("nwk,nw->nk", ways, swings)
+        return {
+            number: (spring * change)[:, None],
+            **_felt_by_others(joint, *(-spring * behind.T)),
+        }
 
     def beyond(
         self,
@@ -101,19 +103,10 @@ class SeriesElasticity(Effect):
         return super().beyond(joint, theta, coefficients, difference=difference)
 
     def _spring(self, joint: RecordedJoint, theta: Theta) -> float:
-        inertia, _ = self._link(joint)
-        return inertia * (2.0 * np.pi * theta["resonance"]) ** 2
-
-    def _link(self, joint: RecordedJoint) -> tuple[float, float]:
-        """Return mean inertia and stiffness of what hangs behind the spring."""
-        recording, number = joint.recording, joint.number
-        inertia = float(np.nanmean(recording.own_inertia[:, number]))
-        inertia = max(inertia - recording.motor_inertia(number), LEAST_LINK * inertia)
-        slope = float(np.nanmean(recording.secant(number, 1e-4)[:, number]))
-        return inertia, float(joint.estimate.stiffness[number]) + slope
+        return float(_behind(joint).mean()) * float(2.0 * np.pi * theta["resonance"]) ** 2
 
 
-class Backlash(Effect):
+class Backlash(LooseLink):
     """Play between motor and limb: the limb lies on the side to which the load pushes it.
 
     Where the torque between the two changes sign the limb leaves its side, and flies by its own
@@ -147,7 +140,12 @@ class Backlash(Effect):
         ahead = np.empty(len(pull))
         for piece in recording.slices:
             ahead[piece] = lies(pull[piece], gap, 1.0 / recording.rate)
-        return {number: _felt(joint, recording.smoothed(ahead))[:, None]}
+        ahead = recording.smoothed(ahead)
+        rate = recording.derivative(ahead)
+        twice = recording.derivative(rate)
+        damping = joint.estimate.damping[number] + _drag(joint)
+        own = _behind(joint) * twice + damping * rate + _stiffness(joint) * ahead
+        return {number: own[:, None], **_felt_by_others(joint, ahead, rate, twice)}
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         return {"gap": Reading(column=0, scale=theta["crossed"] * joint.travel[1])}
@@ -212,27 +210,72 @@ def _flight(pull: np.ndarray, begin: float, step: float) -> Iterator[np.ndarray]
         yield places
 
 
-def _swings(joint: RecordedJoint, whole: Sequence[float], torque: np.ndarray) -> np.ndarray:
-    """Return what swings from before each piece began add to a torque, Nm or N, (n,).
+def hanging(
+    inertia: np.ndarray,
+    damping: np.ndarray,
+    stiffness: np.ndarray,
+    load: np.ndarray,
+    begins: np.ndarray,
+    step: float,
+) -> np.ndarray:
+    """Return how what hangs on a spring moves: M x'' + D x' + K x = u, which all change with time.
+
+    By the trapezoidal rule, which no stiffness makes unstable (Hairer and Wanner 1996, Solving
+    Ordinary Differential Equations II, section IV.3). All steps are one system of equations with
+    four diagonals beside the main one.
+
+    Args:
+        inertia, damping, stiffness, load: M, D, K and u of every sample, (n,).
+        begins: the first samples of stretches, in which it begins anew.
+        step: between samples, s.
+
+    Returns:
+        Place, speed and acceleration, (n, 3, 3), under the load from where that would hold it
+        still, and without a load from a place of 1 and from a speed of 1.
+    """
+    count, half = len(load), 0.5 * step
+    damped, pulled = half * damping / inertia, half * stiffness / inertia
+    first = np.zeros(count, dtype=bool)
+    first[begins] = True
+    later = np.flatnonzero(~first)
+    places, speeds = 2 * np.arange(count), 2 * np.arange(count) + 1
+    # Of place and speed in turn; a row holds a diagonal, the uppermost first.
+    band = np.zeros((5, 2 * count))
+    band[1] = 1.0
+    band[0, speeds[later]] = -half
+    band[1, speeds[later]] += damped[later]
+    band[2, places[later]] = pulled[later]
+    band[2, speeds[later - 1]] = -half
+    band[3, places[later - 1]] = -1.0
+    band[3, speeds[later - 1]] = damped[later - 1] - 1.0
+    band[4, places[later - 1]] = pulled[later - 1]
+    given = np.zeros((2 * count, 3))
+    given[places[begins], 0] = load[begins] / stiffness[begins]
+    given[places[begins], 1] = given[speeds[begins], 2] = 1.0
+    driven = half * load / inertia
+    given[speeds[later], 0] = driven[later] + driven[later - 1]
+    found = solve_banded((3, 1), band, given, overwrite_ab=True, overwrite_b=True)
+    place, speed = found[places], found[speeds]
+    force = np.zeros_like(place)
+    force[:, 0] = load
+    twice = (force - damping[:, None] * speed - stiffness[:, None] * place) / inertia[:, None]
+    return np.stack([place, speed, twice], axis=-1)
+
+
+def _swings(joint: RecordedJoint, felt: np.ndarray, decay: float) -> np.ndarray:
+    """Return how much of each way to move is there, (n, 3): 1, and what each piece began with.
 
     Args:
         joint: with the residual that the torque is a part of.
-        whole: inertia, damping and stiffness of what swings.
-        torque: without them, (n,).
+        felt: torque of each way to move, Nm or N, (n, 3).
+        decay: of a swing, 1/s.
     """
     recording = joint.recording
-    inertia, damping, stiffness = whole
-    decay = 0.5 * damping / inertia
-    turn = np.sqrt(max(stiffness / inertia - decay**2, 0.0))
-    out = np.zeros(len(torque))
-    if not turn or np.exp(-decay * recording.edge / recording.rate) < FADED:
-        return out
-    since = np.concatenate(
-        [np.arange(piece.stop - piece.start) / recording.rate for piece in recording.slices]
-    )
-    fades = np.exp(-decay * since)
-    modes = np.column_stack([fades * np.cos(turn * since), fades * np.sin(turn * since)])
-    smooth = recording.filtered(np.column_stack([torque, modes]))
+    size = np.zeros_like(felt)
+    size[:, 0] = 1.0
+    if np.exp(-decay * recording.edge / recording.rate) < FADED:
+        return size
+    smooth = recording.filtered(felt)
     left = joint.estimate.residual[:, joint.number] - smooth[:, 0]
     good = recording.usable & np.isfinite(left)
     if recording.disturbed is not None:
@@ -241,22 +284,45 @@ def _swings(joint: RecordedJoint, whole: Sequence[float], torque: np.ndarray) ->
         inside = slice(piece.start + recording.edge, piece.stop - recording.edge)
         own = inside.start + np.flatnonzero(good[inside])
         if len(own) > 2:
-            size = np.linalg.lstsq(smooth[own, 1:], left[own], rcond=1e-6)[0]
-            out[piece] = modes[piece] @ size
-    return out
+            size[piece, 1:] = np.linalg.lstsq(smooth[own, 1:], left[own], rcond=1e-6)[0]
+    return size
 
 
 def _behind(joint: RecordedJoint) -> np.ndarray:
     """Return the inertia that hangs behind the motor, kg m2 or kg, (n,)."""
-    inertia = joint.recording.own_inertia[:, joint.number]
+    inertia = joint.recording.inertia(joint.number)[:, joint.number]
     return np.maximum(inertia - joint.recording.motor_inertia(joint.number), LEAST_LINK * inertia)
 
 
-def _felt(joint: RecordedJoint, ahead: np.ndarray) -> np.ndarray:
-    """Return the torque that a limb ahead by `ahead` (rad or m, (n,)) takes: M, D and K of it."""
-    recording, estimate, number = joint.recording, joint.estimate, joint.number
-    rate = recording.derivative(ahead)
-    twice = recording.derivative(rate)
-    # The slope of gravity and declared springs over the joint's own position.
-    slope = estimate.stiffness[number] + recording.secant(number, 1e-4)[:, number]
-    return np.asarray(_behind(joint) * twice + estimate.damping[number] * rate + slope * ahead)
+def _drag(joint: RecordedJoint) -> np.ndarray:
+    """Return what the link's own torque gains with its speed, as it moves, Nm s/rad or N s/m, (n,).
+
+    The motor's damping lies before what is loose.
+    """
+    recording, number = joint.recording, joint.number
+    return recording.drag(number)[:, number] - recording.motor_damping(number)
+
+
+def _stiffness(joint: RecordedJoint) -> np.ndarray:
+    """Return what the link's own torque gains with its position, Nm/rad or N/m, (n,)."""
+    recording, number = joint.recording, joint.number
+    slope = recording.secant(number, 1e-4, moving=True)[:, number]
+    return np.asarray(joint.estimate.stiffness[number] + slope)
+
+
+def _felt_by_others(
+    joint: RecordedJoint, place: np.ndarray, speed: np.ndarray, twice: np.ndarray
+) -> Columns:
+    """Return the torques that a link takes of the other joints where it is ahead of its motor.
+
+    Args:
+        joint: whose link it is.
+        place, speed, twice: by how much, and its first and second derivative, (n,).
+    """
+    recording, number = joint.recording, joint.number
+    torque = (
+        recording.inertia(number) * twice[:, None]
+        + recording.drag(number) * speed[:, None]
+        + recording.secant(number, 1e-4, moving=True) * place[:, None]
+    )
+    return {other: torque[:, [other]] for other in recording.joints if other != number}

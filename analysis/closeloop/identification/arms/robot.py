@@ -46,6 +46,7 @@ from analysis.closeloop.identification.balance.declared import (
 from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import (
     Model,
+    estimate_beside,
     evaluate,
     one_joint,
 )
@@ -64,6 +65,8 @@ from analysis.closeloop.identification.friction.plain_friction import (
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
 from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.identification.presliding import only_presliding
+from sim.effects.laws.loose_link import LooseLink
+from sim.effects.motion import RecordedJoint
 
 
 def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Grown:
@@ -236,8 +239,21 @@ def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[s
         terms=(*(t for t in model.terms if set(t.columns) != {joint}), *grown.model.terms),
         channels=(*model.channels, *grown.model.channels),
     )
+    model = _felt_by_others(model, rows, joint)
     stands = {step.key for step in there}
     return model, {step.key: step for step in grown.steps if step.key not in stands}
+
+
+def _felt_by_others(model: Model, rows: Rows, joint: int) -> Model:
+    """Have the other joints feel that what is on a joint's spring, or in its play, is elsewhere."""
+    recording, terms = model.recording, list(model.terms)
+    for place, term in enumerate(terms):
+        if set(term.columns) == {joint} and isinstance(term.effect, LooseLink):
+            estimate = estimate_beside(model, evaluate(model, rows).coefficients, term)
+            every = term.effect.columns(RecordedJoint(recording, joint, estimate), term.theta)
+            # At its own joint it stays what it was fitted as.
+            terms[place] = replace(term, columns={**every, **term.columns})
+    return replace(model, terms=tuple(terms))
 
 
 def _sharpened(model: Model, rows: Rows) -> Model:

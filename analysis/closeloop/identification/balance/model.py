@@ -275,6 +275,16 @@ def estimate_of(model: Model, coefficients: np.ndarray) -> Estimate:
     )
 
 
+def estimate_beside(model: Model, coefficients: np.ndarray, own: Term | None) -> Estimate:
+    """Return the estimate of the fitted model without the torque of one term, if that is given."""
+    left = np.array(coefficients)
+    for term, part in model.split(left):
+        same = own is not None and term.candidate is not None and term.candidate == own.candidate
+        if same or term is own:
+            part[:] = 0.0
+    return estimate_of(model, left)
+
+
 def _carried(model: Model, coefficients: np.ndarray) -> np.ndarray:
     """Return what the fitted model's motors carry, without friction, Nm or N, (n, joints).
 

@@ -39,6 +39,7 @@ from analysis.closeloop.identification.balance.model import (
     Channel,
     Model,
     Term,
+    estimate_beside,
     prediction,
     unfitted,
 )
@@ -284,19 +285,24 @@ def slopes_of(
                 continue
             step = parameter.step[0] + parameter.step[1] * abs(value)
             up, down = (
-                prediction(moved(model, part, name, value + sign * step), coefficients)
+                prediction(
+                    moved(model, coefficients, part, name, value + sign * step), coefficients
+                )
                 for sign in (1.0, -1.0)
             )
             yield part, name, (up - down) / (2 * step)
 
 
-def moved(model: Model, part: Term | Channel, name: str, value: float) -> Model:
-    """Return the model with one non-linear parameter of an effect moved."""
+def moved(
+    model: Model, coefficients: np.ndarray, part: Term | Channel, name: str, value: float
+) -> Model:
+    """Return a fitted model with one non-linear parameter of an effect moved."""
     theta = {**part.theta, name: value}
     if isinstance(part, Channel):
         moved = replace(part, theta=theta)
         return replace(model, channels=tuple(moved if c is part else c for c in model.channels))
     joint = unfitted(model.recording, part.joint)
-    columns = part.at.effect.columns(joint, theta)
-    moved_term = replace(part, theta=theta, columns=columns)
+    if part.at.effect.uses_estimate:
+        joint = replace(joint, estimate=estimate_beside(model, coefficients, part))
+    moved_term = replace(part, theta=theta, columns=part.at.effect.columns(joint, theta))
     return replace(model, terms=tuple(moved_term if t is part else t for t in model.terms))

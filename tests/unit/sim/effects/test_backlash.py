@@ -45,7 +45,7 @@ def test_a_motor_with_play_carries_nothing_while_the_gap_is_crossed(recording: R
     joint = replace(joint, estimate=replace(joint.estimate, carried=carried))
     theta = {"crossed": 0.4}
     (column,) = BACKLASH.columns(joint, theta)[ELBOW].T
-    inertia = recording.own_inertia[:, ELBOW].mean() - recording.motor_inertia(ELBOW)
+    inertia = recording.inertia(ELBOW)[:, ELBOW].mean() - recording.motor_inertia(ELBOW)
     gap = BACKLASH.readings(joint, theta)["gap"].scale
     landed = turns + (6.0 * gap * inertia / 1.5) ** (1 / 3)
     flying = (recording.time > turns + 0.1) & (recording.time < landed - 0.1)
