@@ -56,7 +56,7 @@ from analysis.closeloop.identification.balance.regression import (
     compare,
 )
 from analysis.closeloop.identification.balance.sticking import sliding
-from analysis.closeloop.identification.candidates import candidates, refined
+from analysis.closeloop.identification.candidates import candidates, refined, tried_alone
 from analysis.closeloop.identification.findings import Grown, Option, Step, standing
 from analysis.closeloop.identification.friction.plain_friction import (
     with_peaked_friction,
@@ -113,8 +113,7 @@ def _traced(
     model = with_gains(without_presliding(pruned(model, rows, links), rows), rows)
     model = for_offsets(model, rows)
     for joint in rows.joints:
-        name = declared.recording.name(joint)
-        progress(f"{name}: what else")
+        progress(f"{declared.recording.name(joint)}: what else")
         model, steps = with_rare(model, rows, joint)
         found |= steps
     # A spring of another joint hides that a zero does better than an offset.
@@ -218,7 +217,20 @@ def without_presliding(model: Model, rows: Rows) -> Model:
 
 
 def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[str, int], Step]]:
-    """Add to one joint whatever else of the catalogue it has, beside what is there."""
+    """Add to one joint whatever else of the catalogue it has, beside what is there.
+
+    What is loose shakes other joints, too: what explains more of all joints' torque at another
+    joint is put there, and this one is asked again.
+    """
+    while True:
+        more, steps = _with_own(model, rows, joint)
+        elsewhere = _loose_elsewhere(model, rows, joint, steps)
+        if elsewhere is None:
+            return _felt_by_others(more, rows, joint), steps
+        model = elsewhere
+
+
+def _with_own(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[str, int], Step]]:
     alone = one_joint(model, evaluate(model, rows).coefficients, joint)
     own = rows.of_joint(joint)
     alone = _sharpened(alone, own)
@@ -227,7 +239,11 @@ def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[s
     there = standing(alone, score)
     # What joints share is not asked of one of them. What is ordinary is: a richer form, or a rare
     # one, would stand for what had nothing to show before the rare was found.
-    tried = [c for c in candidates(own.recording) if c.effect.name not in SHARED]
+    known = {candidate.key for candidate in model.effects}
+    known -= {candidate.key for candidate in alone.effects}
+    tried = [
+        c for c in candidates(own.recording) if c.effect.name not in SHARED and c.key not in known
+    ]
 
     def more(begun: Grown) -> Grown:
         return grow(begun, own, bare, lambda _: None, tried)[0]
@@ -239,21 +255,48 @@ def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[s
         terms=(*(t for t in model.terms if set(t.columns) != {joint}), *grown.model.terms),
         channels=(*model.channels, *grown.model.channels),
     )
-    model = _felt_by_others(model, rows, joint)
     stands = {step.key for step in there}
     return model, {step.key: step for step in grown.steps if step.key not in stands}
 
 
+def _loose_elsewhere(
+    model: Model, rows: Rows, joint: int, found: Mapping[tuple[str, int], Step]
+) -> Model | None:
+    """Return the model with what was found loose at one joint at a better one; None if it is best.
+
+    Args:
+        model: without what was found.
+        rows: of all joints.
+        joint: at which it was found.
+        found: there, by effect and joint.
+    """
+    taken = {c.joint for c in model.effects if isinstance(c.effect, LooseLink)}
+    for step in found.values():
+        effect = step.taken.candidate.effect
+        if not isinstance(effect, LooseLink):
+            continue
+        places = [
+            found
+            for c in candidates(model.recording)
+            if c.effect is effect and c.joint not in taken
+            if (found := tried_alone(model, rows, c)) is not None
+        ]
+        best = min(places, key=lambda place: place[1].loss, default=None)
+        if best is not None and best[0].terms[-1].joint != joint:
+            return best[0]
+    return None
+
+
 def _felt_by_others(model: Model, rows: Rows, joint: int) -> Model:
     """Have the other joints feel that what is on a joint's spring, or in its play, is elsewhere."""
-    recording, terms = model.recording, list(model.terms)
-    for place, term in enumerate(terms):
+    for term in model.terms:
         if set(term.columns) == {joint} and isinstance(term.effect, LooseLink):
             estimate = estimate_beside(model, evaluate(model, rows).coefficients, term)
-            every = term.effect.columns(RecordedJoint(recording, joint, estimate), term.theta)
+            every = term.effect.columns(RecordedJoint(model.recording, joint, estimate), term.theta)
             # At its own joint it stays what it was fitted as.
-            terms[place] = replace(term, columns={**every, **term.columns})
-    return replace(model, terms=tuple(terms))
+            wide = replace(term, columns={**every, **term.columns})
+            model = replace(model, terms=tuple(wide if t is term else t for t in model.terms))
+    return model
 
 
 def _sharpened(model: Model, rows: Rows) -> Model:
