@@ -220,12 +220,13 @@ def hanging(
 ) -> np.ndarray:
     """Return how what hangs on a spring moves: M x'' + D x' + K x = u, which all change with time.
 
-    By the trapezoidal rule, which no stiffness makes unstable (Hairer and Wanner 1996, Solving
-    Ordinary Differential Equations II, section IV.3). All steps are one system of equations with
-    four diagonals beside the main one.
+    Between two samples M, D and K are their means and u changes evenly: then every step is exact,
+    however quick the spring (Franklin, Powell and Workman 1998, Digital Control of Dynamic Systems,
+    section 6.3, triangle hold). All steps are one system of equations with three diagonals below
+    the main one.
 
     Args:
-        inertia, damping, stiffness, load: M, D, K and u of every sample, (n,).
+        inertia, damping, stiffness, load: M, D, K and u of every sample, (n,); K is above zero.
         begins: the first samples of stretches, in which it begins anew.
         step: between samples, s.
 
@@ -233,33 +234,48 @@ def hanging(
         Place, speed and acceleration, (n, 3, 3), under the load from where that would hold it
         still, and without a load from a place of 1 and from a speed of 1.
     """
-    count, half = len(load), 0.5 * step
-    damped, pulled = half * damping / inertia, half * stiffness / inertia
-    first = np.zeros(count, dtype=bool)
-    first[begins] = True
-    later = np.flatnonzero(~first)
-    places, speeds = 2 * np.arange(count), 2 * np.arange(count) + 1
-    # Of place and speed in turn; a row holds a diagonal, the uppermost first.
-    band = np.zeros((5, 2 * count))
-    band[1] = 1.0
-    band[0, speeds[later]] = -half
-    band[1, speeds[later]] += damped[later]
-    band[2, places[later]] = pulled[later]
-    band[2, speeds[later - 1]] = -half
-    band[3, places[later - 1]] = -1.0
-    band[3, speeds[later - 1]] = damped[later - 1] - 1.0
-    band[4, places[later - 1]] = pulled[later - 1]
+    count = len(load)
+    later = np.setdiff1d(np.arange(1, count), begins)
+    place, speed = 2 * np.arange(count), 2 * np.arange(count) + 1
+    mass, drag, held = (0.5 * (x[later - 1] + x[later]) for x in (inertia, damping, stiffness))
+    swing = _swing(0.5 * drag / mass, held / mass, step)
+    # A row for each diagonal, the main one first; a step goes from one sample to the next.
+    band = np.zeros((4, 2 * count))
+    band[0] = 1.0
+    before, now = later - 1, later
+    band[2, place[before]], band[1, speed[before]] = -swing[:, 0, 0], -swing[:, 0, 1]
+    band[3, place[before]], band[2, speed[before]] = -swing[:, 1, 0], -swing[:, 1, 1]
     given = np.zeros((2 * count, 3))
-    given[places[begins], 0] = load[begins] / stiffness[begins]
-    given[places[begins], 1] = given[speeds[begins], 2] = 1.0
-    driven = half * load / inertia
-    given[speeds[later], 0] = driven[later] + driven[later - 1]
-    found = solve_banded((3, 1), band, given, overwrite_ab=True, overwrite_b=True)
-    place, speed = found[places], found[speeds]
-    force = np.zeros_like(place)
+    given[place[begins], 0] = load[begins] / stiffness[begins]
+    given[place[begins], 1] = given[speed[begins], 2] = 1.0
+    # Under a load that changes evenly it may go evenly, too.
+    rate = (load[now] - load[before]) / step / held
+    even = np.stack([(load[before] - drag * rate) / held, rate], axis=-1)
+    driven = -np.einsum("nij,nj->ni", swing, even)
+    given[place[now], 0] = even[:, 0] + rate * step + driven[:, 0]
+    given[speed[now], 0] = rate + driven[:, 1]
+    found = solve_banded((3, 0), band, given, overwrite_ab=True, overwrite_b=True)
+    places, speeds = found[place], found[speed]
+    force = np.zeros_like(places)
     force[:, 0] = load
-    twice = (force - damping[:, None] * speed - stiffness[:, None] * place) / inertia[:, None]
-    return np.stack([place, speed, twice], axis=-1)
+    twice = (force - damping[:, None] * speeds - stiffness[:, None] * places) / inertia[:, None]
+    return np.stack([places, speeds, twice], axis=-1)
+
+
+def _swing(decay: np.ndarray, square: np.ndarray, step: float) -> np.ndarray:
+    """Return what a step makes of place and speed of what nothing drives, (n, 2, 2).
+
+    Args:
+        decay: half of damping over inertia, 1/s, (n,).
+        square: stiffness over inertia, 1/s2, (n,).
+        step: s.
+    """
+    # Beyond critical damping the turn is imaginary, and both functions of it stay real.
+    turn = np.sqrt(square - decay**2 + 0j)
+    even = np.exp(-decay * step) * np.cos(turn * step).real
+    odd = np.exp(-decay * step) * (step * np.sinc(turn * step / np.pi)).real
+    first = np.stack([even + decay * odd, odd], axis=-1)
+    return np.stack([first, np.stack([-square * odd, even - decay * odd], axis=-1)], axis=-2)
 
 
 def _swings(joint: RecordedJoint, felt: np.ndarray, decay: float) -> np.ndarray:

@@ -80,6 +80,16 @@ ARM = Plant(
     encoder=2 * np.pi / 2**17,
     noise=0.08,
 )
+#: The arm with a spring of 900 Nm/rad between the shoulder's motor and its link.
+ELASTIC_ARM = ARM.changed(
+    """<body name="upper">
+      <joint name="shoulder" axis="0 -1 0" armature="0.1"/>""",
+    """<body name="motor">
+      <joint name="shoulder" axis="0 -1 0" armature="0.1"/>
+      <inertial pos="0 0 0" mass="1e-6" diaginertia="1e-9 1e-9 1e-9"/>
+      <body name="upper">
+      <joint name="spring" axis="0 -1 0" stiffness="900" damping="0.7"/>""",
+).replace("</body>\n  </worldbody>", "</body></body>\n  </worldbody>")
 #: A limb whose elbow turns about a vertical axis: no gravity weighs it.
 LIMB = Plant(
     mjcf="""<mujoco>
@@ -120,7 +130,7 @@ def write_recordings(
         folder: made if need be.
         plant: what is declared.
         seed: of references and noise.
-        truth: the true model; empty: the declared one.
+        truth: the true model, with further joints if need be; empty: the declared one.
         beyond: what acts on the joints besides.
         rate: of the sensors, Hz.
         seconds: length of a trial.
@@ -185,7 +195,9 @@ def _follow(
     model.opt.timestep = STEP
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     data = mujoco.MjData(model)
-    data.qpos[:] = reference[0]
+    # A true model may have joints that nobody declared.
+    own = np.array([model.joint(name).qposadr[0] for name in plant.joints])
+    data.qpos[own] = reference[0]
     mujoco.mj_forward(model, data)
     speed = np.gradient(reference, STEP, axis=0)
     kp, kd = np.array(plant.kp), np.array(plant.kd)
@@ -193,9 +205,10 @@ def _follow(
     # The same memory at each step: to ask for it anew takes longer than a step.
     q, v, bias, applied = data.qpos, data.qvel, data.qfrc_bias, data.qfrc_applied
     for row, (goal, goal_speed) in enumerate(zip(reference, speed, strict=True)):
-        position[row] = q
-        torque = bias + kp * (goal - q) + kd * (goal_speed - v)
+        there, going = q[own], v[own]
+        position[row] = there
+        torque = bias[own] + kp * (goal - there) + kd * (goal_speed - going)
         effort[row] = torque
-        applied[:] = torque if beyond is None else torque + beyond(data.time, q, v)
+        applied[own] = torque if beyond is None else torque + beyond(data.time, there, going)
         mujoco.mj_step(model, data)
     return position, effort

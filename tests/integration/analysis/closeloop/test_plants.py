@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from analysis.closeloop.loop import analyse, close_loop
 from analysis.closeloop.report.repaired import repaired_model
-from tests.testbed.sessions.plants import ARM, CARRIAGE, write_recordings
+from tests.testbed.sessions.plants import ARM, CARRIAGE, ELASTIC_ARM, write_recordings
 
 #: The file of the trial that carries more than the others.
 LOADED = "loaded.csv"
@@ -44,6 +44,17 @@ def test_friction_beyond_the_declared_is_found(tmp_path: Path) -> None:
     report = analyse(tmp_path).report
     assert names(report) == {("coulomb_friction", "slide")}
     assert report["effects"][0]["parameters"]["torque"]["value"] == pytest.approx(8.0, rel=0.02)
+
+
+def test_a_spring_is_named_where_it_is_and_nothing_at_the_joint_that_feels_it(
+    tmp_path: Path,
+) -> None:
+    """A stranger's arms had a neighbour's spring or offset named beside it, or in its place."""
+    write_recordings(tmp_path, ARM, 3, truth=ELASTIC_ARM)
+    report = analyse(tmp_path).report
+    assert names(report) == {("series_elasticity", "shoulder")}
+    compliance = report["effects"][0]["parameters"]["compliance"]["value"]
+    assert compliance == pytest.approx(1 / 900.0, rel=0.05)
 
 
 def test_a_mass_at_the_end_of_a_chain_is_found_through_both_joints(tmp_path: Path) -> None:
