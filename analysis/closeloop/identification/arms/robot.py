@@ -276,10 +276,10 @@ def _loose_elsewhere(
         if not isinstance(effect, LooseLink):
             continue
         places = [
-            found
+            place
             for c in candidates(model.recording)
             if c.effect is effect and c.joint not in taken
-            if (found := tried_alone(model, rows, c)) is not None
+            if (place := tried_alone(model, rows, c)) is not None
         ]
         best = min(places, key=lambda place: place[1].loss, default=None)
         if best is not None and best[0].terms[-1].joint != joint:
