@@ -7,7 +7,6 @@ friction lie before spring and gap, and its position is what is recorded.
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from sim.effects.effect import Columns, Effect, Limits, Theta
 from sim.effects.motion import RecordedJoint
@@ -234,6 +233,9 @@ def hanging(
         Place, speed and acceleration, (n, 3, 3), under the load from where that would hold it
         still, and without a load from a place of 1 and from a speed of 1.
     """
+    # What computes assessments knows this module, and needs no SciPy.
+    from scipy.linalg import solve_banded
+
     count = len(load)
     later = np.setdiff1d(np.arange(1, count), begins)
     place, speed = 2 * np.arange(count), 2 * np.arange(count) + 1
