@@ -120,7 +120,7 @@ def write_recordings(
     *,
     truth: str = "",
     beyond: Beyond | None = None,
-    rate: float = 200.0,
+    rate: float = 100.0,
     seconds: float = 12.0,
     trials: int = 5,
 ) -> None:
