@@ -131,10 +131,6 @@ class Recording(Protocol):
     def shifted(self, columns: np.ndarray, seconds: float) -> np.ndarray: ...
     def lagged(self, columns: np.ndarray, time_constant: float) -> np.ndarray: ...
     def derivative(self, columns: np.ndarray) -> np.ndarray: ...
-    def through(
-        self, columns: np.ndarray, above: Sequence[float], below: Sequence[float]
-    ) -> np.ndarray:
-        """Return signals after a second-order system, coefficients of s2, s and 1."""
 
 
 @dataclass(frozen=True, kw_only=True)

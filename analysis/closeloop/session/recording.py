@@ -1,6 +1,6 @@
 """All trials as arrays at the working rate: the source of residuals, effects and splines."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -24,7 +24,6 @@ from analysis.closeloop.session.signals import (
     lowpass,
     shifted,
     slope,
-    through,
 )
 from sim.effects.rigid import point_mass
 
@@ -332,18 +331,6 @@ class Recording:
     def derivative(self, columns: np.ndarray) -> np.ndarray:
         """Return the rate of change of columns (n, ...), piece by piece."""
         return self._by_piece(columns, lambda piece: slope(piece, self.rate))
-
-    def through(
-        self, columns: np.ndarray, above: Sequence[float], below: Sequence[float]
-    ) -> np.ndarray:
-        """Return columns (n, ...) after a second-order system, piece by piece, at rest before.
-
-        Args:
-            columns: what enters.
-            above: its numerator's coefficients of s2, s and 1.
-            below: the same of its denominator.
-        """
-        return self._by_piece(columns, lambda piece: through(piece, above, below, self.rate))
 
     def _once(self, key: tuple[object, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
         """Return what has been made once by this name."""

@@ -6,13 +6,12 @@ never smoothed where errors are reported; for fitting, effort and every regresso
 low-pass, so that what the filter takes away it takes from both sides.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import bilinear, butter, lfilter, lfilter_zi
+from scipy.signal import butter, lfilter, lfilter_zi
 
 #: Rate at which regressors are computed, over the cutoff; at least this many Hz if recorded so.
 OVERSAMPLING, MIN_RATE = 8.0, 200.0
@@ -225,34 +224,3 @@ def lagged(signal: np.ndarray, time_constant: float, rate: float) -> np.ndarray:
 def before_lag(signal: np.ndarray, time_constant: float, rate: float) -> np.ndarray:
     """Return what a first-order low-pass has made `signal`, (n, ...), of; NaN where that is."""
     return np.asarray(signal + time_constant * slope(np.nan_to_num(signal), rate))
-
-
-def through(
-    signal: np.ndarray, above: Sequence[float], below: Sequence[float], rate: float
-) -> np.ndarray:
-    """Return `signal` (n, ...) after a linear system, settled at its first value before.
-
-    By the bilinear transform (Tustin), stable whatever the system's own frequency is.
-
-    Args:
-        signal: what enters.
-        above: the transfer function's numerator, highest power of s first.
-        below: its denominator.
-        rate: Hz.
-    """
-    forward, back, settled = _discrete(tuple(above), tuple(below), rate)
-    filtered, _ = lfilter(forward, back, signal, axis=0, zi=settled[:, None] * signal[:1])
-    return np.asarray(filtered)
-
-
-@lru_cache(maxsize=16)
-def _discrete(
-    above: tuple[float, ...], below: tuple[float, ...], rate: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return numerator, denominator and settled state for a unit input.
-
-    All pieces of a recording pass one system after the other; its transform costs ten times as
-    much as to filter one of them.
-    """
-    forward, back = bilinear(above, below, rate)
-    return forward, back, lfilter_zi(forward, back)

@@ -231,6 +231,7 @@ def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[s
 
 
 def _with_own(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[str, int], Step]]:
+    """Add to one joint what its own torque asks for; what is new also as steps."""
     alone = one_joint(model, evaluate(model, rows).coefficients, joint)
     own = rows.of_joint(joint)
     alone = _sharpened(alone, own)
@@ -275,15 +276,15 @@ def _loose_elsewhere(
         effect = step.taken.candidate.effect
         if not isinstance(effect, LooseLink):
             continue
-        places = [
-            place
+        places = {
+            c.joint: place
             for c in candidates(model.recording)
-            if c.effect is effect and c.joint not in taken
+            if c.effect is effect and (c.joint == joint or c.joint not in taken)
             if (place := tried_alone(model, rows, c)) is not None
-        ]
-        best = min(places, key=lambda place: place[1].loss, default=None)
-        if best is not None and best[0].terms[-1].joint != joint:
-            return best[0]
+        }
+        best = min(places, key=lambda place: places[place][1].loss, default=joint)
+        if best != joint:
+            return places[best][0]
     return None
 
 

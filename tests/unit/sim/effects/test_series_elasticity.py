@@ -7,7 +7,6 @@ import pytest
 
 from analysis.closeloop.identification.balance.model import unfitted
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.signals import through
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.rich import ELBOW
 
@@ -86,14 +85,6 @@ def test_a_compliance_has_the_size_that_its_resonance_says(recording: Recording)
     assert not ELASTIC.beyond(joint, theta, {0: 0.0225})
     assert ELASTIC.beyond(joint, theta, {0: 0.08}) == "compliance"
     assert ELASTIC.beyond(joint, theta, {0: 0.005}) == "compliance"
-
-
-def test_what_goes_through_a_system_begins_settled() -> None:
-    """A constant stays one, whatever the system's own frequency over the rate."""
-    still = np.full((20, 1), 3.0)
-    for stiffness in (1.0, 1e6):
-        out = through(still, [0.0, 0.0, stiffness], [1.0, 1.0, stiffness], 100.0)
-        assert out == pytest.approx(still, rel=1e-6)
 
 
 def test_a_swing_that_is_over_before_it_shows_is_not_fitted(recording: Recording) -> None:
