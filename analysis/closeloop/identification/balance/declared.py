@@ -305,8 +305,8 @@ def _zero_at(
         motion = there, recording.velocity, recording.acceleration
         moved = chain_motion(recording.device.model, *motion)
         for body, change in changes:
-            slope = (moved.link_torque(body) - recording.link_torque(body)) / offset
-            felt = np.einsum("njp,np->nj", slope, np.broadcast_to(change, (len(there), 10)))
+            felt = moved.torque(body, change) - recording.chain.torque(body, change)
+            felt /= offset
             columns = {number: own + felt[:, [number]] for number, own in columns.items()}
     return replace(term, theta={"offset": offset}, columns=columns)
 
