@@ -118,11 +118,8 @@ class Recording(Protocol):
     def inertia(self, joint: int) -> np.ndarray:
         """Return the torque of every joint for one unit of a joint's acceleration, (n, joints)."""
 
-    def secant(self, joint: int, step: float, *, moving: bool = False) -> np.ndarray:
-        """Return the change of every torque over `step` of one joint's position.
-
-        Static, unless it is that of the motion.
-        """
+    def secant(self, joint: int, step: float) -> np.ndarray:
+        """Return the change of every torque over `step` of a joint's position, as it moves."""
 
     # Of signals (n, ...), piece by piece: the fit's low-pass and that of the positions,
     # signal(t + seconds), a first-order low-pass, the rate of change.

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.elsewhere import coefficients, rates
 from analysis.closeloop.session.link_torque import ChainMotion, chain_motion
 from analysis.closeloop.session.runs import holds, rests, runs, since_reversal, turning
 from analysis.closeloop.session.signals import (
@@ -131,21 +132,21 @@ class Recording:
     @cached_property
     def static(self) -> np.ndarray:
         """Torque that holding still in the same place would take: gravity and declared springs."""
-        return self._at_rest(self.position)
+        return self._at_rest()
 
-    def secant(self, joint: int, step: float, *, moving: bool = False) -> np.ndarray:
-        """Change of every torque over `step` of one joint's position, still or not, (n, joints)."""
+    def secant(self, joint: int, step: float) -> np.ndarray:
+        """Change of every torque over `step` of one joint's position, as it moves, (n, joints)."""
 
-        def make() -> np.ndarray:
+        def torque(way: float) -> np.ndarray:
             there = self.position.copy()
-            there[:, joint] += step
-            if moving:
-                change = self._inverse(there, self.velocity, self.acceleration) - self.rigid
-            else:
-                change = self._at_rest(there) - self.static
-            return np.asarray(change / step)
+            there[:, joint] += way
+            return self._inverse(there, self.velocity, self.acceleration)
 
-        return self._once(("secant", joint, step, moving), make)
+        here, hinge = self.rigid, self.is_hinge(joint)
+        known = self._once(("elsewhere", joint), lambda: coefficients(torque, here, hinge))
+        if len(known):
+            return np.asarray(np.tensordot(rates(step, hinge), known, axes=1))
+        return self._once(("secant", joint, step), lambda: (torque(step) - here) / step)
 
     def drag(self, joint: int) -> np.ndarray:
         """Change of every torque with a joint's speed, as it moves, (n, joints)."""
@@ -160,9 +161,7 @@ class Recording:
 
     def inertia(self, joint: int) -> np.ndarray:
         """Torque of every joint for one unit of a joint's acceleration, (n, joints)."""
-        return self._once(
-            ("inertia", joint), lambda: self._at_rest(self.position, joint) - self.static
-        )
+        return self._once(("inertia", joint), lambda: self._at_rest(joint) - self.static)
 
     def is_hinge(self, joint: int) -> bool:
         """Whether the joint turns; else it slides."""
@@ -343,8 +342,8 @@ class Recording:
     ) -> np.ndarray:
         return np.concatenate([change(columns[piece]) for piece in self.slices])
 
-    def _at_rest(self, position: np.ndarray, accelerated: int | None = None) -> np.ndarray:
-        """Return the torque at rest, or with one joint accelerated by 1: of `position` only.
+    def _at_rest(self, accelerated: int | None = None) -> np.ndarray:
+        """Return the torque at rest, or with one joint accelerated by 1.
 
         Position changes slowly, so every fourth sample and a cubic spline give all of them.
         """
@@ -355,13 +354,13 @@ class Recording:
                 rows = np.append(rows, piece.stop - 1)
             where.append(rows)
         every = np.concatenate(where)
-        still = np.zeros((len(every), position.shape[1]))
+        still = np.zeros((len(every), self.position.shape[1]))
         pushed = still.copy()
         if accelerated is not None:
             pushed[:, accelerated] = 1.0
-        thin = self._inverse(position[every], still, pushed, rows=every)
+        thin = self._inverse(self.position[every], still, pushed, rows=every)
         parts = np.split(thin, np.cumsum([len(rows) for rows in where])[:-1])
-        torque = np.empty_like(position)
+        torque = np.empty_like(self.position)
         for piece, rows, part in zip(self.slices, where, parts, strict=True):
             torque[piece] = CubicSpline(rows, part)(np.arange(piece.start, piece.stop))
         return torque

@@ -167,7 +167,7 @@ class PositionOffset(Effect):
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # Recorded position = true position + offset, so the torque is that of q - offset. The
         # secant over the offset itself is exact once both agree.
-        secant = joint.recording.secant(joint.number, -theta["offset"], moving=True)
+        secant = joint.recording.secant(joint.number, -theta["offset"])
         return {number: -secant[:, [number]] for number in joint.recording.joints}
 
     def limits(self, joint: RecordedJoint) -> Limits:

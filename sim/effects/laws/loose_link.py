@@ -324,7 +324,7 @@ def _drag(joint: RecordedJoint) -> np.ndarray:
 def _stiffness(joint: RecordedJoint) -> np.ndarray:
     """Return what the link's own torque gains with its position, Nm/rad or N/m, (n,)."""
     recording, number = joint.recording, joint.number
-    slope = recording.secant(number, 1e-4, moving=True)[:, number]
+    slope = recording.secant(number, 1e-4)[:, number]
     return np.asarray(joint.estimate.stiffness[number] + slope)
 
 
@@ -341,6 +341,6 @@ def _felt_by_others(
     torque = (
         recording.inertia(number) * twice[:, None]
         + recording.drag(number) * speed[:, None]
-        + recording.secant(number, 1e-4, moving=True) * place[:, None]
+        + recording.secant(number, 1e-4) * place[:, None]
     )
     return {other: torque[:, [other]] for other in recording.joints if other != number}

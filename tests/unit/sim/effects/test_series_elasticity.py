@@ -31,7 +31,7 @@ def test_the_column_is_what_a_limb_on_a_spring_changes(
     time, stiffness, damping = recording.time, 0.8, 0.1
     load = np.cos(2 * np.pi * time) + 0.5 * np.sin(6 * np.pi * time)
     inertia = recording.inertia(ELBOW)[:, ELBOW] - recording.motor_inertia(ELBOW)
-    slope = recording.secant(ELBOW, 1e-4, moving=True)
+    slope = recording.secant(ELBOW, 1e-4)
     drag = recording.drag(ELBOW)
     spring = inertia.mean() * (2 * np.pi * hertz) ** 2
     own = 2 * 0.2 * np.sqrt(spring * inertia.mean())

@@ -57,7 +57,7 @@ def test_a_wrong_zero_is_asked_of_all_joints_at_once_and_only_if_there_is_one(
     still = rich_recording(20)
     effort = np.array(still.inverse)
     if offset:
-        effort -= offset * still.secant(ELBOW, -offset, moving=True)
+        effort -= offset * still.secant(ELBOW, -offset)
     arm = arm_of(effort, still)
     rows = select_rows(arm, (0,))
     model = with_zeros(with_ordinary(Model(arm), rows), rows, links_of(arm))
@@ -150,7 +150,7 @@ def test_a_zero_stands_for_what_is_rare_at_one_joint_if_all_go_better_with_it(sl
     if slack:
         effort[:, [ELBOW]] += 0.1 * backlash.columns(joint, theta)[ELBOW]
     else:
-        effort -= offset * still.secant(ELBOW, -offset, moving=True)
+        effort -= offset * still.secant(ELBOW, -offset)
     arm = arm_of(effort, still)
     rows = weighed(Model(arm), select_rows(arm, (0,)))
     rare = Candidate(effect=backlash, joint=ELBOW)
@@ -182,7 +182,7 @@ def test_a_payload_and_a_wrong_zero_stand_for_links_that_do_what_both_do(
         there[:, at] -= zero
         hung = chain_motion(still.device.model, there, still.velocity, still.acceleration)
         effort += 0.5 * (hung.link_torque(body) @ point_mass(place))
-        effort -= zero * still.secant(at, -zero, moving=True)
+        effort -= zero * still.secant(at, -zero)
     else:
         away = np.array([0.1, 0.0, -0.15])
         effort += sum(0.4 * still.mass_torque(joint, away) for joint in still.joints)

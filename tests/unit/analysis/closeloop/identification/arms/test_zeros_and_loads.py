@@ -39,7 +39,7 @@ def carrying(offset: float) -> Recording:
     moved = chain_motion(still.device.model, there, still.velocity, still.acceleration)
     effort = still.inverse + MASS * (moved.link_torque(body) @ point_mass(PLACE))
     if offset:
-        effort -= offset * still.secant(SHOULDER, -offset, moving=True)
+        effort -= offset * still.secant(SHOULDER, -offset)
     noise = 0.02 * np.random.default_rng(5).standard_normal(effort.shape)
     return replace(still, effort=still.filtered(effort + noise), cache={})
 
