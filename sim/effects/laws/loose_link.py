@@ -234,20 +234,22 @@ def hanging(
         still, and without a load from a place of 1 and from a speed of 1.
     """
     # What computes assessments knows this module, and needs no SciPy.
-    from scipy.linalg import solve_banded
+    from scipy.linalg.lapack import dtbtrs
 
     count = len(load)
-    later = np.setdiff1d(np.arange(1, count), begins)
+    goes_on = np.ones(count, dtype=bool)
+    goes_on[begins] = False
+    later = np.flatnonzero(goes_on)
     place, speed = 2 * np.arange(count), 2 * np.arange(count) + 1
     mass, drag, held = (0.5 * (x[later - 1] + x[later]) for x in (inertia, damping, stiffness))
     swing = _swing(0.5 * drag / mass, held / mass, step)
     # A row for each diagonal, the main one first; a step goes from one sample to the next.
-    band = np.zeros((4, 2 * count))
+    band = np.zeros((4, 2 * count), order="F")
     band[0] = 1.0
     before, now = later - 1, later
     band[2, place[before]], band[1, speed[before]] = -swing[:, 0, 0], -swing[:, 0, 1]
     band[3, place[before]], band[2, speed[before]] = -swing[:, 1, 0], -swing[:, 1, 1]
-    given = np.zeros((2 * count, 3))
+    given = np.zeros((2 * count, 3), order="F")
     given[place[begins], 0] = load[begins] / stiffness[begins]
     given[place[begins], 1] = given[speed[begins], 2] = 1.0
     # Under a load that changes evenly it may go evenly, too.
@@ -256,7 +258,7 @@ def hanging(
     driven = -np.einsum("nij,nj->ni", swing, even)
     given[place[now], 0] = even[:, 0] + rate * step + driven[:, 0]
     given[speed[now], 0] = rate + driven[:, 1]
-    found = solve_banded((3, 0), band, given, overwrite_ab=True, overwrite_b=True)
+    found, _ = dtbtrs(band, given, uplo="L", diag="U", overwrite_b=True)
     places, speeds = found[place], found[speed]
     force = np.zeros_like(places)
     force[:, 0] = load
