@@ -253,10 +253,18 @@ def test_what_a_model_s_program_started_ends_with_its_child(pool: Pool) -> None:
 
 
 def test_the_time_limit_of_rehybs_own_models_begins_when_they_are_loaded() -> None:
-    """MuJoCo and the elbow take longer to import than one of its evaluations, on a busy machine."""
-    pool = Pool(processes=1, instance_seconds=0.5)
+    """MuJoCo and the elbow take longer to import than one of its evaluations."""
     point = {"id": "i", "model": "elbow_bushing", "parameters": {}}
-    pool.start(point, "first")
-    first = finish(pool)
-    pool.kill()
-    assert first.result["outcome"] == "ok", first.result
+
+    def first(instance_seconds: float) -> Finished:
+        pool = Pool(processes=1, instance_seconds=instance_seconds)
+        pool.start(point, "first")
+        done = finish(pool)
+        pool.kill()
+        return done
+
+    begun = time.monotonic()
+    first(60.0)
+    # A busy machine takes longer for both: importing is nearly all of it on any.
+    limited = first(0.5 * (time.monotonic() - begun))
+    assert limited.result["outcome"] == "ok", limited.result
