@@ -18,6 +18,7 @@ from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.sticking import driven, samples_step
 from analysis.closeloop.identification.balance.trial_error import TrialError
+from analysis.closeloop.identification.findings import Carried, Event, Trace
 from analysis.closeloop.identification.interface import beyond_interface
 from analysis.closeloop.identification.loads.carried import supposing_loads
 from analysis.closeloop.identification.loads.lone_joint import supposing_lone_loads
@@ -63,17 +64,19 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     recording = supposing_held_out(supposing_loads(supposing_lone_loads(recording)))
     found = trace(recording, progress)
     progress("torque that is local in time")
-    known = wound_up(found)
-    loads = unnamed_loads(known)
-    # What a load takes is no push, and a push beside it is not seen before the load is known.
-    carrying = {load.trial for load in loads if not load.fitted}
-    events = tuple(e for e in find_events(known.model, recording) if e.trial not in carrying)
+    events, loads = _events(found, recording)
+    whole = recording
     if events:
         # What somebody pushed is no reason to name an effect, nor to bend a stiffness.
-        recording = spared(recording, events)
+        recording = spared(whole, events)
         if _rests(recording):
             return still_answer(recording, events)
-        found = trace(recording, progress)
+        named, found = _named(found), trace(recording, progress)
+        if _named(found) != named:
+            # What rings on a spring that only now has its name stood out before it had.
+            events, _ = _events(found, whole)
+            recording = spared(whole, events)
+            found = trace(recording, progress)
         loads = unnamed_loads(wound_up(found))
     progress("errors and intervals")
     found = beyond_interface(found)
@@ -90,6 +93,20 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
         before=outcome.recorded.before,
         after=outcome.recorded.after,
     )
+
+
+def _events(found: Trace, recording: Recording) -> tuple[tuple[Event, ...], tuple[Carried, ...]]:
+    """Return what stands out of a traced recording, and the loads that no trial names."""
+    known = wound_up(found)
+    loads = unnamed_loads(known)
+    # What a load takes is no push, and a push beside it is not seen before the load is known.
+    carrying = {load.trial for load in loads if not load.fitted}
+    events = find_events(known.model, recording)
+    return tuple(event for event in events if event.trial not in carrying), loads
+
+
+def _named(found: Trace) -> set[tuple[str, int]]:
+    return {step.key for step in found.steps}
 
 
 def _rests(recording: Recording) -> bool:

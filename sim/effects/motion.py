@@ -115,8 +115,12 @@ class Recording(Protocol):
     def drag(self, joint: int) -> np.ndarray:
         """Return the change of every torque with a joint's speed, as it moves, (n, joints)."""
 
-    def inertia(self, joint: int) -> np.ndarray:
-        """Return the torque of every joint for one unit of a joint's acceleration, (n, joints)."""
+    def inertia(self, joint: int, changes: Mapping[int, np.ndarray] = ...) -> np.ndarray:
+        """Return the torque of every joint for one unit of a joint's acceleration, (n, joints).
+
+        Of a chain whose links' inertial parameters differ from the declared by `changes`, (10,) or
+        (n, 10) by the number of the body.
+        """
 
     def secant(self, joint: int, step: float) -> np.ndarray:
         """Return the change of every torque over `step` of a joint's position, as it moves."""
@@ -143,6 +147,11 @@ class Estimate:
     carried: np.ndarray
     #: Effort minus prediction, low-passed, NaN where there is no effort, (n, joints).
     residual: np.ndarray
+    #: Torque of links and loads that were found, and of other joints, Nm or N, (n, joints).
+    shared: np.ndarray
+    #: By how much links and loads that were found differ from the declared: inertial parameters by
+    #: the number of the body, (10,) or (n, 10).
+    changes: Mapping[int, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -171,6 +180,11 @@ class RecordedJoint:
     @property
     def acceleration(self) -> np.ndarray:
         return self.recording.acceleration[:, self.number]
+
+    @cached_property
+    def inertia(self) -> np.ndarray:
+        """Torque of every joint for one unit of acceleration of this one, (n, joints)."""
+        return self.recording.inertia(self.number, self.estimate.changes)
 
     @property
     def effort(self) -> np.ndarray:

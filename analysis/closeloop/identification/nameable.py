@@ -1,5 +1,7 @@
 """Whether these trials can name an effect at all, and whether what was fitted can be one."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from analysis.closeloop.identification.balance.model import (
@@ -9,6 +11,7 @@ from analysis.closeloop.identification.balance.model import (
     Term,
     impedances,
     kept_columns,
+    link_changes,
     unfitted,
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, takes_all
@@ -67,10 +70,14 @@ def moves_one_way(rows: Rows) -> bool:
 def beyond_physics(model: Model, scored: Score, candidate: Candidate) -> str:
     """Return the parameter of a fitted effect that none such can have; empty if all can be."""
     own: dict[int, float] = {}
-    for term, found in model.split(scored.coefficients):
+    split = list(model.split(scored.coefficients))
+    for term, found in split:
         if term.candidate == candidate:
             own = dict(zip(term.kept, found.tolist(), strict=True))
     joint = unfitted(model.recording, candidate.joint)
+    # What is loose agrees with what hangs from it as it was found.
+    estimate = replace(joint.estimate, changes=link_changes(model, split))
+    joint = replace(joint, estimate=estimate)
     parts: list[Term | Channel] = [*model.terms, *model.channels]
     theta = next(part.theta for part in parts if part.candidate == candidate)
     differs = candidate.effect.rubs and corrects(model.without(candidate), candidate)

@@ -5,7 +5,7 @@ The torque of a chain is linear in the inertial parameters of its links (Atkeson
 long.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -133,6 +133,17 @@ def chain_motion(
         axis=axis,
         anchor=anchor,
     )
+
+
+def moved_by(model: mujoco.MjModel, position: np.ndarray, joint: int) -> ChainMotion:
+    """Return how links that are still begin to move with one unit of a joint's acceleration.
+
+    Without gravity, so that torques are those of inertia alone; `position` is (n, joints).
+    """
+    still, one = np.zeros_like(position), np.zeros_like(position)
+    one[:, joint] = 1.0
+    held, moving = (chain_motion(model, position, still, a) for a in (still, one))
+    return replace(moving, acceleration=moving.acceleration - held.acceleration)
 
 
 def _at(frame: np.ndarray, place: np.ndarray) -> np.ndarray:

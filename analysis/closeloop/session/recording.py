@@ -1,16 +1,16 @@
 """All trials as arrays at the working rate: the source of residuals, effects and splines."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.elsewhere import coefficients, rates
-from analysis.closeloop.session.link_torque import ChainMotion, chain_motion
+from analysis.closeloop.session.link_torque import ChainMotion, chain_motion, moved_by
 from analysis.closeloop.session.runs import holds, rests, runs, since_reversal, turning
 from analysis.closeloop.session.signals import (
     FLICKERS,
@@ -26,12 +26,24 @@ from analysis.closeloop.session.signals import (
     shifted,
     slope,
 )
+from analysis.closeloop.session.thinned import Thinned
 from sim.effects.rigid import point_mass
 
-#: What depends on position alone changes slowly: it is computed at every so many samples.
-REST_STEP = 4
+#: Links that are as declared.
+NONE: Mapping[int, np.ndarray] = {}
 #: What does not depend on which joints are analysed.
-SHARED = ("rigid", "inverse", "static", "top_speed", "rest_speed", "sensed", "_lowpasses")
+SHARED = (
+    "rigid",
+    "inverse",
+    "static",
+    "top_speed",
+    "rest_speed",
+    "sensed",
+    "_lowpasses",
+    "_thinned",
+)
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +80,7 @@ class Recording:
     #: Samples that something from outside disturbed, (n, joints); None if nobody has looked.
     disturbed: np.ndarray | None = None
     #: Inverse dynamics are asked for again and again with the same arguments.
-    cache: dict[tuple[object, ...], np.ndarray] = field(default_factory=dict, repr=False)
+    cache: dict[tuple[object, ...], Any] = field(default_factory=dict, repr=False)
 
     @property
     def rate(self) -> float:
@@ -159,9 +171,26 @@ class Recording:
         # Exact of what grows with the square of a speed.
         return self._once(("drag", joint), lambda: 0.5 * (at(1.0) - at(-1.0)))
 
-    def inertia(self, joint: int) -> np.ndarray:
-        """Torque of every joint for one unit of a joint's acceleration, (n, joints)."""
-        return self._once(("inertia", joint), lambda: self._at_rest(joint) - self.static)
+    def inertia(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
+        """Torque of every joint for one unit of a joint's acceleration, (n, joints).
+
+        Args:
+            joint: which.
+            changes: by how much inertial parameters of bodies differ from the declared, (10,) or
+                (n, 10).
+        """
+        declared: np.ndarray = self._once(
+            ("inertia", joint), lambda: self._at_rest(joint) - self.static
+        )
+        if not changes:
+            return declared
+        model, some = self.device.model, self._thinned.samples
+        moving = self._once(("moved", joint), lambda: moved_by(model, self.position[some], joint))
+        parts = [
+            moving.torque(body, change if change.ndim == 1 else change[some])
+            for body, change in changes.items()
+        ]
+        return np.asarray(declared + self._thinned.between(np.sum(parts, axis=0)))
 
     def is_hinge(self, joint: int) -> bool:
         """Whether the joint turns; else it slides."""
@@ -331,39 +360,30 @@ class Recording:
         """Return the rate of change of columns (n, ...), piece by piece."""
         return self._by_piece(columns, lambda piece: slope(piece, self.rate))
 
-    def _once(self, key: tuple[object, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
+    def _once(self, key: tuple[object, ...], make: Callable[[], Made]) -> Made:
         """Return what has been made once by this name."""
         if key not in self.cache:
             self.cache[key] = make()
-        return self.cache[key]
+        made: Made = self.cache[key]
+        return made
 
     def _by_piece(
         self, columns: np.ndarray, change: Callable[[np.ndarray], np.ndarray]
     ) -> np.ndarray:
         return np.concatenate([change(columns[piece]) for piece in self.slices])
 
-    def _at_rest(self, accelerated: int | None = None) -> np.ndarray:
-        """Return the torque at rest, or with one joint accelerated by 1.
+    @cached_property
+    def _thinned(self) -> Thinned:
+        return Thinned(self.slices)
 
-        Position changes slowly, so every fourth sample and a cubic spline give all of them.
-        """
-        where = []
-        for piece in self.slices:
-            rows = np.arange(piece.start, piece.stop, REST_STEP)
-            if rows[-1] != piece.stop - 1:
-                rows = np.append(rows, piece.stop - 1)
-            where.append(rows)
-        every = np.concatenate(where)
+    def _at_rest(self, accelerated: int | None = None) -> np.ndarray:
+        """Return the torque at rest, or with one joint accelerated by 1."""
+        every = self._thinned.samples
         still = np.zeros((len(every), self.position.shape[1]))
         pushed = still.copy()
         if accelerated is not None:
             pushed[:, accelerated] = 1.0
-        thin = self._inverse(self.position[every], still, pushed, rows=every)
-        parts = np.split(thin, np.cumsum([len(rows) for rows in where])[:-1])
-        torque = np.empty_like(self.position)
-        for piece, rows, part in zip(self.slices, where, parts, strict=True):
-            torque[piece] = CubicSpline(rows, part)(np.arange(piece.start, piece.stop))
-        return torque
+        return self._thinned.between(self._inverse(self.position[every], still, pushed, rows=every))
 
     def _inverse(
         self,

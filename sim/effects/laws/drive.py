@@ -116,10 +116,13 @@ class TorqueGain(Effect):
         )
     )
     coefficients = ("gain",)
-    scales_effort = filters = True
+    scales_effort = filters = uses_estimate = True
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
-        return {joint.number: joint.recording.inverse[:, [joint.number]]}
+        # All that is declared, and what the joint carries beside it as other joints tell. What it
+        # takes alone is fitted in units of the reported torque.
+        torque = joint.recording.inverse + joint.estimate.shared
+        return {joint.number: torque[:, [joint.number]]}
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         return {"gain": GAIN}

@@ -310,7 +310,7 @@ def _swings(joint: RecordedJoint, felt: np.ndarray, decay: float) -> np.ndarray:
 
 def _behind(joint: RecordedJoint) -> np.ndarray:
     """Return the inertia that hangs behind the motor, kg m2 or kg, (n,)."""
-    inertia = joint.recording.inertia(joint.number)[:, joint.number]
+    inertia = joint.inertia[:, joint.number]
     return np.maximum(inertia - joint.recording.motor_inertia(joint.number), LEAST_LINK * inertia)
 
 
@@ -341,7 +341,7 @@ def _felt_by_others(
     """
     recording, number = joint.recording, joint.number
     torque = (
-        recording.inertia(number) * twice[:, None]
+        joint.inertia * twice[:, None]
         + recording.drag(number) * speed[:, None]
         + recording.secant(number, 1e-4) * place[:, None]
     )

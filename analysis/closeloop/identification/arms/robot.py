@@ -43,10 +43,9 @@ from analysis.closeloop.identification.balance.declared import (
     hung_again,
     placed,
 )
-from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN
+from analysis.closeloop.identification.balance.luck import MIN_GAIN, MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import (
     Model,
-    estimate_beside,
     evaluate,
     one_joint,
 )
@@ -56,7 +55,12 @@ from analysis.closeloop.identification.balance.regression import (
     compare,
 )
 from analysis.closeloop.identification.balance.sticking import sliding
-from analysis.closeloop.identification.candidates import candidates, refined, tried_alone
+from analysis.closeloop.identification.candidates import (
+    candidates,
+    options_beside,
+    refined,
+    tried_alone,
+)
 from analysis.closeloop.identification.findings import Grown, Option, Step, standing
 from analysis.closeloop.identification.friction.plain_friction import (
     with_peaked_friction,
@@ -65,8 +69,8 @@ from analysis.closeloop.identification.friction.plain_friction import (
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
 from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.identification.presliding import only_presliding
+from analysis.closeloop.identification.selection import choose
 from sim.effects.laws.loose_link import LooseLink
-from sim.effects.motion import RecordedJoint
 
 
 def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Grown:
@@ -105,30 +109,37 @@ def _traced(
     """Trace with the inertial parameters of all links free, or as they are declared."""
     links = links_of(declared.recording)
     model = with_ordinary(declared, rows)
-    found: dict[tuple[str, int], Step] = {}
     progress("what the joints share")
     model = _with_shared(model, rows, links, links_free=links_free)
     model = hung_again(model, rows)
     progress("friction and inertia of every joint")
     model = with_gains(without_presliding(pruned(model, rows, links), rows), rows)
     model = for_offsets(model, rows)
+
+    def shared_again(model: Model) -> Model:
+        bare = with_ordinary(model.keeping(lambda c: c.effect.name not in SHARED), rows)
+        again = pruned(_with_shared(bare, rows, links, links_free=links_free), rows, links)
+        again, model = with_gains(again, rows), pruned(model, rows, links)
+        gain, error = compare(evaluate(model, rows).losses, evaluate(again, rows).losses)
+        better = gain > error or (gain > -error and len(again.effects) < len(model.effects))
+        return again if better else model
+
+    model, found = with_loose(model, rows)
+    if found:
+        model = settled_loose(shared_again(model), rows)
     for joint in rows.joints:
         progress(f"{declared.recording.name(joint)}: what else")
         model, steps = with_rare(model, rows, joint)
         found |= steps
+    model, steps = with_loose(model, rows)
+    found |= steps
     # A spring of another joint hides that a zero does better than an offset.
     model = for_offsets(for_rare(model, rows, found.keys()), rows)
     model = with_other_joints(model, rows)
     model = with_peaked_friction(model, rows)
     if found:
         progress("all joints together")
-        bare = with_ordinary(model.keeping(lambda c: c.effect.name not in SHARED), rows)
-        again = pruned(_with_shared(bare, rows, links, links_free=links_free), rows, links)
-        again = with_gains(again, rows)
-        model = pruned(model, rows, links)
-        gain, error = compare(evaluate(model, rows).losses, evaluate(again, rows).losses)
-        if gain > error or (gain > -error and len(again.effects) < len(model.effects)):
-            model = again
+        model = shared_again(model)
     return _grown(placed(with_plain_friction(model, rows), rows), rows, found)
 
 
@@ -216,34 +227,59 @@ def without_presliding(model: Model, rows: Rows) -> Model:
     return model
 
 
+def with_loose(model: Model, rows: Rows) -> tuple[Model, dict[tuple[str, int], Step]]:
+    """Add springs and play, asked of all torques at once; what is new also as steps.
+
+    What is loose at a joint shakes the others, and a payload or other links stand for some of it:
+    where it is, and how much of it is theirs, only all joints tell together.
+    """
+    found: dict[tuple[str, int], Step] = {}
+    while True:
+        current = evaluate(model, rows)
+        taken = {c.joint for c in model.effects if isinstance(c.effect, LooseLink)}
+        tried = [
+            c
+            for c in candidates(model.recording)
+            if isinstance(c.effect, LooseLink) and c.joint not in taken
+        ]
+        options = options_beside(model, rows, current, tried)
+        step = choose(options, model, current, rows, MIN_GAIN * current.loss)
+        if step is None or step.taken.refused:
+            return model, found
+        model = settled_loose(placed(step.taken.model, rows), rows)
+        found[step.key] = step
+
+
+def settled_loose(model: Model, rows: Rows) -> Model:
+    """Choose the parameters of what is loose again, beside what hangs from it by now."""
+    for candidate in model.effects:
+        if isinstance(candidate.effect, LooseLink):
+            again = tried_alone(model.without(candidate), rows, candidate)
+            if again is not None and again[1].loss < evaluate(model, rows).loss:
+                model = again[0]
+    return model
+
+
 def with_rare(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[str, int], Step]]:
     """Add to one joint whatever else of the catalogue it has, beside what is there.
 
-    What is loose shakes other joints, too: what explains more of all joints' torque at another
-    joint is put there, and this one is asked again.
+    What is new also as steps.
     """
-    while True:
-        more, steps = _with_own(model, rows, joint)
-        elsewhere = _loose_elsewhere(model, rows, joint, steps)
-        if elsewhere is None:
-            return _felt_by_others(more, rows, joint), steps
-        model = elsewhere
-
-
-def _with_own(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[str, int], Step]]:
-    """Add to one joint what its own torque asks for; what is new also as steps."""
     alone = one_joint(model, evaluate(model, rows).coefficients, joint)
     own = rows.of_joint(joint)
     alone = _sharpened(alone, own)
     score = evaluate(alone, own)
     bare = evaluate(alone.keeping(lambda _: False), own)
     there = standing(alone, score)
-    # What joints share is not asked of one of them. What is ordinary is: a richer form, or a rare
-    # one, would stand for what had nothing to show before the rare was found.
+    # What joints share, or feel of each other, is not asked of one of them. What is ordinary is: a
+    # richer form, or a rare one, would stand for what had nothing to show before the rare was
+    # found.
     known = {candidate.key for candidate in model.effects}
     known -= {candidate.key for candidate in alone.effects}
     tried = [
-        c for c in candidates(own.recording) if c.effect.name not in SHARED and c.key not in known
+        c
+        for c in candidates(own.recording)
+        if not (c.effect.name in SHARED or isinstance(c.effect, LooseLink) or c.key in known)
     ]
 
     def more(begun: Grown) -> Grown:
@@ -258,46 +294,6 @@ def _with_own(model: Model, rows: Rows, joint: int) -> tuple[Model, dict[tuple[s
     )
     stands = {step.key for step in there}
     return model, {step.key: step for step in grown.steps if step.key not in stands}
-
-
-def _loose_elsewhere(
-    model: Model, rows: Rows, joint: int, found: Mapping[tuple[str, int], Step]
-) -> Model | None:
-    """Return the model with what was found loose at one joint at a better one; None if it is best.
-
-    Args:
-        model: without what was found.
-        rows: of all joints.
-        joint: at which it was found.
-        found: there, by effect and joint.
-    """
-    taken = {c.joint for c in model.effects if isinstance(c.effect, LooseLink)}
-    for step in found.values():
-        effect = step.taken.candidate.effect
-        if not isinstance(effect, LooseLink):
-            continue
-        places = {
-            c.joint: place
-            for c in candidates(model.recording)
-            if c.effect is effect and (c.joint == joint or c.joint not in taken)
-            if (place := tried_alone(model, rows, c)) is not None
-        }
-        best = min(places, key=lambda place: places[place][1].loss, default=joint)
-        if best != joint:
-            return places[best][0]
-    return None
-
-
-def _felt_by_others(model: Model, rows: Rows, joint: int) -> Model:
-    """Have the other joints feel that what is on a joint's spring, or in its play, is elsewhere."""
-    for term in model.terms:
-        if set(term.columns) == {joint} and isinstance(term.effect, LooseLink):
-            estimate = estimate_beside(model, evaluate(model, rows).coefficients, term)
-            every = term.effect.columns(RecordedJoint(model.recording, joint, estimate), term.theta)
-            # At its own joint it stays what it was fitted as.
-            wide = replace(term, columns={**every, **term.columns})
-            model = replace(model, terms=tuple(wide if t is term else t for t in model.terms))
-    return model
 
 
 def _sharpened(model: Model, rows: Rows) -> Model:

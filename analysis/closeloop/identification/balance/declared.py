@@ -1,6 +1,6 @@
 """The model as declared: the rigid chain, the declared effects, and the loads that hang from it."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import product
 
@@ -11,6 +11,9 @@ from analysis.closeloop.identification.balance.model import (
     Model,
     Term,
     evaluate,
+    hung_in,
+    link_changes,
+    shared_torque,
     unfitted,
     with_independent,
 )
@@ -18,9 +21,10 @@ from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.link_torque import carriers, chain_motion
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.signals import rms
 from sim.effects.catalogue import BY_NAME, law_of
 from sim.effects.effect import Columns, Effect, Theta
-from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns, load_parameters
+from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns
 from sim.effects.rigid import point_mass
 
 PLACED = PlacedPayload()
@@ -219,7 +223,7 @@ def _likeliest(model: Model, rows: Rows, load: HungLoad, joint: int) -> np.ndarr
     """
     recording = model.recording
     body = recording.device.model.body(load.body).id
-    carried = _carried(recording, load)
+    carried = hung_in(recording, load)
     torque = recording.link_torque(body)
     columns = {joint: torque[:, joint] * carried for joint in recording.joints}
     base, _ = model.base(rows)
@@ -249,13 +253,13 @@ def placed(model: Model, rows: Rows) -> Model:
     """Return the model with every payload where the fit says it hangs, by Gauss-Newton.
 
     And with every wrong zero of a robot where the fit says it is: its torque is a secant over the
-    zero itself, of the chain with the links and loads that were found.
+    zero itself, of the chain with the links and loads that were found. A gain scales their torque.
     """
     for number in range(PLACE_STEPS):
         longest = 0.0
         terms = []
         fitted = list(model.split(evaluate(model, rows).coefficients))
-        hung = list(_changes(model, fitted))
+        hung, shared = link_changes(model, fitted), shared_torque(model, fitted)
         for term, own in fitted:
             if isinstance(term.effect, PlacedPayload):
                 step = term.effect.way(dict(zip(term.kept, own.tolist(), strict=True)))
@@ -267,6 +271,9 @@ def placed(model: Model, rows: Rows) -> Model:
                     # Its slope may be that of the chain before anything else was found.
                     longest = np.inf
                 term = _zero_at(model.recording, term, float(own[0]), hung)
+            elif term.effect is not None and term.effect.scales_effort:
+                moved, term = _scaling(model.recording, term, shared)
+                longest = max(longest, moved)
             terms.append(term)
         if longest < PLACE_TOLERANCE:
             break
@@ -274,27 +281,8 @@ def placed(model: Model, rows: Rows) -> Model:
     return model
 
 
-def _changes(
-    model: Model, fitted: Sequence[tuple[Term, np.ndarray]]
-) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield bodies and by how much their inertial parameters differ from declared, (n or 1, 10)."""
-    recording = model.recording
-    if model.given is not None:
-        for body, change in model.given.changes.items():
-            yield body, change[None]
-    for term, own in fitted:
-        if isinstance(term.effect, PlacedPayload):
-            turn = load_parameters(np.array([term.theta[name] for name in PLACE]))
-            change = (turn[:, list(term.kept)] @ own)[None]
-            if term.load is None:
-                yield recording.body(term.joint), change
-            else:
-                body = recording.device.model.body(term.load.body).id
-                yield body, change * _carried(recording, term.load)
-
-
 def _zero_at(
-    recording: Recording, term: Term, offset: float, changes: Sequence[tuple[int, np.ndarray]]
+    recording: Recording, term: Term, offset: float, changes: Mapping[int, np.ndarray]
 ) -> Term:
     """Return a wrong zero of another size: what links and loads that were found take moves, too."""
     joint = term.joint
@@ -304,11 +292,27 @@ def _zero_at(
         there[:, joint] -= offset
         motion = there, recording.velocity, recording.acceleration
         moved = chain_motion(recording.device.model, *motion)
-        for body, change in changes:
+        for body, change in changes.items():
             felt = moved.torque(body, change) - recording.chain.torque(body, change)
             felt /= offset
             columns = {number: own + felt[:, [number]] for number, own in columns.items()}
     return replace(term, theta={"offset": offset}, columns=columns)
+
+
+def _scaling(recording: Recording, term: Term, shared: np.ndarray) -> tuple[float, Term]:
+    """Return by what share a gain's torque is another, with links and loads as found, and the gain.
+
+    Args:
+        recording: all trials.
+        term: the gain's.
+        shared: what links, loads and other joints take, (n, joints).
+    """
+    assert term.effect is not None
+    joint = unfitted(recording, term.joint)
+    joint = replace(joint, estimate=replace(joint.estimate, shared=shared))
+    columns = term.effect.columns(joint, term.theta)
+    before, after = term.columns[term.joint], columns[term.joint]
+    return rms(after - before) / max(rms(before), 1e-300), replace(term, columns=columns)
 
 
 def _moved_by(recording: Recording, term: Term, step: np.ndarray) -> Term:
@@ -324,12 +328,6 @@ def _moved_by(recording: Recording, term: Term, step: np.ndarray) -> Term:
 def _hung(recording: Recording, load: HungLoad, theta: Theta) -> Columns:
     """Return the columns of a declared load: nothing in the trials that do not name it."""
     body = recording.device.model.body(load.body).id
-    there = _carried(recording, load)
+    there = hung_in(recording, load)
     place = np.array([theta[name] for name in PLACE])
     return {joint: own * there for joint, own in load_columns(recording, body, place).items()}
-
-
-def _carried(recording: Recording, load: HungLoad) -> np.ndarray:
-    """Return where the trials name a load, (n, 1)."""
-    carried = [trial.payload == load for trial in recording.session.trials]
-    return np.asarray(np.array(carried)[recording.trial][:, None])

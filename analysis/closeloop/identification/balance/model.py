@@ -1,6 +1,6 @@
 """A model of the balance: the declared unknowns and the effects added so far, with their fit."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
 
@@ -13,6 +13,7 @@ from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lagged
 from sim.effects.effect import Columns, Effect, Theta
 from sim.effects.laws.elastic import Viscoelastic
+from sim.effects.laws.inertia import PLACE, PlacedPayload, load_parameters
 from sim.effects.motion import Estimate, RecordedJoint
 
 
@@ -91,7 +92,7 @@ class Given:
     candidate: Candidate | None = None
     #: Inertial parameters of every link by its name, (10,); empty unless they are what is given.
     links: Mapping[str, np.ndarray] = field(default_factory=dict)
-    #: By how much those differ from the declared, by the number of the body, (10,).
+    #: By how much links differ from the declared, by the number of the body, (10,) or (n, 10).
     changes: Mapping[int, np.ndarray] = field(default_factory=dict)
 
 
@@ -196,18 +197,19 @@ def one_joint(model: Model, coefficients: np.ndarray, joint: int) -> Model:
 
     Terms that other joints share are given as they were fitted.
     """
-    recording = model.recording
+    recording, split = model.recording, model.split(coefficients)
+    shared = [(term, own) for term, own in split if set(term.columns) != {joint}]
     given = np.zeros((len(recording.time), 1))
     if model.given is not None:
         given = given + model.given.torque[joint]
-    for term, own in model.split(coefficients):
-        if joint in term.columns and len(term.columns) > 1:
+    for term, own in shared:
+        if joint in term.columns:
             given = given + kept_columns(term)[joint] @ own[:, None]
     return Model(
         recording.of_joint(joint),
         terms=tuple(term for term in model.terms if set(term.columns) == {joint}),
         channels=tuple(c for c in model.channels if c.candidate.joint == joint),
-        given=Given(torque={joint: given}),
+        given=Given(torque={joint: given}, changes=link_changes(model, shared)),
     )
 
 
@@ -233,6 +235,7 @@ def unfitted(recording: Recording, joint: int) -> RecordedJoint:
         prediction=recording.inverse,
         carried=recording.rigid - _of_motors(recording),
         residual=recording.effort - recording.inverse,
+        shared=np.zeros_like(recording.position),
     )
     return RecordedJoint(recording, joint, estimate)
 
@@ -272,7 +275,54 @@ def estimate_of(model: Model, coefficients: np.ndarray) -> Estimate:
         prediction=smooth,
         carried=_carried(model, coefficients),
         residual=residual,
+        shared=shared_torque(model, model.split(coefficients)),
+        changes=link_changes(model, model.split(coefficients)),
     )
+
+
+def shared_torque(model: Model, fitted: Iterable[tuple[Term, np.ndarray]]) -> np.ndarray:
+    """Return what links, loads and other joints take of each beyond the declared, (n, joints).
+
+    Of a model with what is given, and its terms with their coefficients.
+    """
+    torque = np.zeros_like(model.recording.position)
+    for joint, own in (model.given.torque if model.given is not None else {}).items():
+        torque[:, joint] += own[:, 0]
+    for term, found in fitted:
+        if len(term.columns) > 1:
+            for joint, columns in kept_columns(term).items():
+                torque[:, joint] += columns @ found
+    return torque
+
+
+def link_changes(model: Model, fitted: Iterable[tuple[Term, np.ndarray]]) -> dict[int, np.ndarray]:
+    """Return by how much links and loads of a model differ from the declared.
+
+    Args:
+        model: with what is given.
+        fitted: its terms with their coefficients.
+
+    Returns:
+        Inertial parameters by the number of the body, (10,) or (n, 10).
+    """
+    recording = model.recording
+    found = dict(model.given.changes) if model.given is not None else {}
+    for term, own in fitted:
+        if not isinstance(term.effect, PlacedPayload):
+            continue
+        turn = load_parameters(np.array([term.theta[name] for name in PLACE]))
+        body, change = recording.body(term.joint), turn[:, list(term.kept)] @ own
+        if term.load is not None:
+            body = recording.device.model.body(term.load.body).id
+            change = change * hung_in(recording, term.load)
+        found[body] = found.get(body, 0.0) + change
+    return found
+
+
+def hung_in(recording: Recording, load: HungLoad) -> np.ndarray:
+    """Return where the trials name a load, (n, 1)."""
+    named = [trial.payload == load for trial in recording.session.trials]
+    return np.asarray(np.array(named)[recording.trial][:, None])
 
 
 def estimate_beside(model: Model, coefficients: np.ndarray, own: Term | None) -> Estimate:
@@ -292,10 +342,10 @@ def _carried(model: Model, coefficients: np.ndarray) -> np.ndarray:
     """
     recording = model.recording
     torque = recording.rigid - _of_motors(recording)
-    for joint, own in (model.given.torque if model.given is not None else {}).items():
-        torque[:, joint] += own[:, 0]
+    torque = torque + shared_torque(model, model.split(coefficients))
     for term, found in model.split(coefficients):
-        if not term.rubs:
+        scales = term.effect is not None and term.effect.scales_effort
+        if len(term.columns) == 1 and not (term.rubs or scales):
             for joint, columns in kept_columns(term).items():
                 torque[:, joint] += columns @ found
     return np.asarray(torque)

@@ -88,7 +88,7 @@ def _carriers(
 
 def _across(recording: Recording, joint: int) -> float:
     """Return gravity across a joint's axis, m/s2; 0 if the axis stands upright."""
-    axis, gravity = recording.chain.axis[0, joint], recording.gravity
+    axis, gravity = recording.chain.axis[joint, :, 0], recording.gravity
     across = float(np.linalg.norm(gravity - axis * (axis @ gravity)))
     return across if across > UPRIGHT * float(np.linalg.norm(gravity)) else 0.0
 

@@ -17,6 +17,10 @@ from tests.testbed.sessions.plants import ARM, CARRIAGE, ELASTIC_ARM, write_reco
 
 #: The file of the trial that carries more than the others.
 LOADED = "loaded.csv"
+#: Half a kilogram that hangs on the last link, and where that ends in the arm's file.
+LOAD = """<body pos="0.25 0 0"><inertial pos="0 0 0" mass="0.5" diaginertia="1e-4 1e-4 1e-4"/>
+</body>"""
+LAST_LINK = "</body>\n    </body>"
 
 
 def names(report: dict[str, Any]) -> set[tuple[str, str]]:
@@ -57,17 +61,42 @@ def test_a_spring_is_named_where_it_is_and_nothing_at_the_joint_that_feels_it(
     assert compliance == pytest.approx(1 / 900.0, rel=0.05)
 
 
+def test_a_spring_beside_a_load_that_nobody_declared_is_found_with_it(tmp_path: Path) -> None:
+    """A stranger's had a load of twice its mass, and what rang was fourteen pushes."""
+    assert LAST_LINK in ELASTIC_ARM
+    truth = ELASTIC_ARM.replace(LAST_LINK, LOAD + LAST_LINK)
+    write_recordings(tmp_path, ARM, 3, truth=truth)
+    report = analyse(tmp_path).report
+    assert names(report) == {("series_elasticity", "shoulder"), ("payload", "elbow")}
+    found = {effect["name"]: effect["parameters"] for effect in report["effects"]}
+    assert found["payload"]["mass"]["value"] == pytest.approx(0.5, rel=0.03)
+    compliance = found["series_elasticity"]["compliance"]["value"]
+    assert compliance == pytest.approx(1 / 900.0, rel=0.08)
+    assert all(not left["events"] for left in report["unexplained"].values())
+
+
 def test_a_mass_at_the_end_of_a_chain_is_found_through_both_joints(tmp_path: Path) -> None:
-    load = (
-        '<body pos="0.25 0 0"><inertial pos="0 0 0" mass="0.5" '
-        'diaginertia="1e-4 1e-4 1e-4"/></body></body>'
-    )
-    truth = ARM.changed("</body>\n    </body>", load + "\n    </body>")
+    truth = ARM.changed(LAST_LINK, LOAD + LAST_LINK)
     write_recordings(tmp_path, ARM, 1, truth=truth)
     report = analyse(tmp_path).report
     # All trials carry it: it is the robot's.
     assert names(report) == {("payload", "elbow")} and report["unnamed_loads"] == []
     assert report["effects"][0]["parameters"]["mass"]["value"] == pytest.approx(0.5, rel=0.03)
+
+
+def test_a_gain_scales_what_a_load_takes_too(tmp_path: Path) -> None:
+    """A stranger's 0.88 was 0.82 beside a load, and beside 1.1 a load of 1 kg was 0.82 kg."""
+    write_recordings(tmp_path, ARM, 1, truth=ARM.changed(LAST_LINK, LOAD + LAST_LINK))
+    for file in tmp_path.glob("trial_*.csv"):
+        table = np.loadtxt(file, delimiter=",", skiprows=1)
+        header = file.read_text().split("\n", 1)[0]
+        table[:, header.split(",").index("shoulder.effort")] /= 0.88
+        np.savetxt(file, table, fmt="%.9g", delimiter=",", header=header, comments="")
+    report = analyse(tmp_path).report
+    assert names(report) == {("payload", "elbow"), ("torque_gain", "shoulder")}
+    found = {effect["name"]: effect["parameters"] for effect in report["effects"]}
+    assert found["payload"]["mass"]["value"] == pytest.approx(0.5, rel=0.03)
+    assert found["torque_gain"]["gain"]["value"] == pytest.approx(0.88, abs=0.01)
 
 
 def test_a_torque_from_the_other_joint_is_coupling_and_no_flipped_sign(tmp_path: Path) -> None:

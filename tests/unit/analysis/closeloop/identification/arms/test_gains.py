@@ -10,7 +10,12 @@ from analysis.closeloop.identification.arms.gains import (
     gain_or_payload,
     untold_gain,
 )
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, unfitted
+from analysis.closeloop.identification.balance.model import (
+    Candidate,
+    Model,
+    evaluate,
+    unfitted,
+)
 from analysis.closeloop.identification.balance.regression import compare, select_rows
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option
@@ -19,20 +24,20 @@ from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from tests.testbed.sessions.coupled import measured, moving, traced
 
 
-@pytest.mark.parametrize("gain", [1.5, 0.4, 0.2])
-def test_one_factor_of_all_efforts_is_a_gain_of_every_joint(gain: float) -> None:
+@pytest.mark.parametrize("factor", [1.5, 0.4, 0.2])
+def test_one_factor_of_all_efforts_is_a_gain_of_every_joint(factor: float) -> None:
     arm = moving()
     torque = arm.rigid + 0.3 * np.sign(arm.velocity) + 0.2 * arm.velocity
-    recording = measured(arm, torque / gain)
+    recording = measured(arm, torque / factor)
     found = traced(recording)
     assert {("torque_gain", joint) for joint in range(3)} <= set(found)
     assert LINK_INERTIA not in {name for name, _ in found}
     model, rows = next(iter(found.values())).taken.model, select_rows(recording, (0,))
     score = evaluate(model, rows)
     coefficients = score.coefficients
-    assert gain_of_all(model, coefficients, rows) == pytest.approx(gain, rel=0.02)
+    assert gain_of_all(model, coefficients, rows) == pytest.approx(factor, rel=0.02)
     (said,) = untold_gain(model, coefficients, rows)
-    assert f"{1.0 / gain:.2f} times their declared mass" in said
+    assert f"{1.0 / factor:.2f} times their declared mass" in said
     # However far from one: then no limit keeps its value from the report.
     own = [candidate for candidate in model.effects if candidate.effect.name == "torque_gain"]
     assert [beyond_physics(model, score, candidate) for candidate in own] == ["", "", ""]
