@@ -18,6 +18,7 @@ from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS, MIN_TOR
 from analysis.closeloop.identification.balance.model import (
     Model,
     evaluate,
+    kept_columns,
     prediction,
 )
 from analysis.closeloop.identification.balance.regression import SCATTERED, Rows, select_rows
@@ -44,6 +45,7 @@ from analysis.closeloop.judgement.shoved import away_events, shoved_events
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import lowpass, rms
+from sim.effects.laws.loose_link import Backlash
 
 #: An event's peak and its flanks, over the spread of the residual (from its median).
 PEAK, FLANK = 6.0, 2.5
@@ -94,7 +96,9 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             # Of one that hardly rubs, a push itself would be taken for friction.
             rubs = rubbed > MIN_TORQUE * rms(recording.effort[samples, joint])
             known = rubbing_anyway(model, joint) if rubs else model
-            stands_out = [*_moving(known, rows, joint, unknown_friction(model, rows, joint))]
+            unknown = STICTION * unknown_friction(model, rows, joint)
+            unknown = unknown + crossing(model, rows, joint)
+            stands_out = [*_moving(known, rows, joint, unknown)]
             often = len(_long(event for event, _ in stands_out))
             own = _long(event for event, swings in stands_out if not swings)
             seconds = len(samples) * samples_step(samples) / recording.rate
@@ -124,7 +128,7 @@ def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
 
 
 def _moving(
-    model: Model, rows: Rows, joint: int, friction: np.ndarray
+    model: Model, rows: Rows, joint: int, unknown: np.ndarray
 ) -> Iterator[tuple[Event, bool]]:
     """Yield what stands out of a moving joint's residual and is not there in other passes.
 
@@ -134,8 +138,9 @@ def _moving(
         model: what is known by now.
         rows: the samples of all joints in motion.
         joint: which.
-        friction: that no motion shows, Nm or N, low-passed, (n,). Where it turns, sticking for a
-            moment as long as a controller takes, its friction has any value, as at rest.
+        unknown: torque that no motion shows, Nm or N, low-passed, (n,). Where a joint turns,
+            sticking for a moment as long as a controller takes, its friction has any value, as at
+            rest; when a link flies through its play, and how it lands, no sample says.
     """
     recording, samples = rows.recording, rows.samples[joint]
     if len(np.unique(rows.block[rows.parts[joint]])) < SCATTERED:
@@ -152,7 +157,6 @@ def _moving(
     clock = clock_of(recording)[samples]
     ways = [Way(clock, [place, *motion]) for place in places]
     octave = np.maximum(upper_octave(recording, joint)[samples], 1e-12)
-    stuck = STICTION * friction[samples]
     # Less than matters beside the effort is no event, nor what shakes the joint all along.
     matters = MIN_TORQUE * rms(recording.effort[samples, joint])
     line = strongest_line([beyond.alone[piece] for piece in pieces], 1.0 / step)
@@ -162,7 +166,14 @@ def _moving(
         width = max(1, round(seconds / step))
         relative, sure, alone, predicted, excused, abrupt = (
             _averaged(signal, pieces, width)
-            for signal in (beyond.relative, beyond.sure, beyond.alone, beyond.left, stuck, octave)
+            for signal in (
+                beyond.relative,
+                beyond.sure,
+                beyond.alone,
+                beyond.left,
+                unknown[samples],
+                octave,
+            )
         )
         # What a right model leaves is noise; of a wrong one splines take what is usual.
         usual = max(min(spread(alone), spread(predicted)), 1e-12)
@@ -240,6 +251,18 @@ def _averaged(signal: np.ndarray, pieces: Sequence[np.ndarray], width: int) -> n
     found = np.array(signal)
     for piece in pieces:
         found[piece] = uniform_filter1d(signal[piece], width)
+    return found
+
+
+def crossing(model: Model, rows: Rows, joint: int) -> np.ndarray:
+    """Return how much torque flights through play take of a joint near each sample, (n,)."""
+    recording, torque = model.recording, np.zeros(len(model.recording.time))
+    for term, own in model.split(evaluate(model, rows).coefficients):
+        if isinstance(term.effect, Backlash) and joint in term.columns:
+            torque += np.abs(kept_columns(term)[joint] @ own)
+    found = np.empty(len(torque))
+    for piece in recording.slices:
+        found[piece] = maximum_filter1d(torque[piece], int(AROUND * recording.rate) | 1)
     return found
 
 

@@ -56,6 +56,18 @@ def with_effort(recording: Recording, beyond: np.ndarray) -> Recording:
     return replace(recording, effort=effort, cache={})
 
 
+def test_how_a_link_lands_from_its_play_is_no_event(swinging: Recording) -> None:
+    """When exactly it flies, and how it lands, no sample says; a push elsewhere still is one."""
+    flights = [pushed(begin, 0.25, 1.0) for begin in (7.0, 22.0, 33.0, 51.0)]
+    flight, knock = np.sum(flights, axis=0), pushed(22.1, 0.2, 0.7)
+    recording = with_effort(swinging, flight + knock + pushed(40.0, 0.5, 1.0))
+    play = Term(
+        joint=1, columns={1: flight[:, None]}, kept=(0,), effect=BY_NAME["backlash"], theta={}
+    )
+    beside = Model(recording, terms=(play,))
+    assert [round(e.begin) for e in find_events(beside, recording)] == [40]
+
+
 def test_noise_alone_holds_no_event(swinging: Recording) -> None:
     quiet = with_effort(swinging, np.zeros(len(TIME)))
     assert find_events(Model(quiet), quiet) == ()
