@@ -174,23 +174,17 @@ class Recording:
     def inertia(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
         """Torque of every joint for one unit of a joint's acceleration, (n, joints).
 
-        Args:
-            joint: which.
-            changes: by how much inertial parameters of bodies differ from the declared, (10,) or
-                (n, 10).
+        With bodies whose inertial parameters differ from the declared, (10,) or (n, 10).
         """
-        declared: np.ndarray = self._once(
-            ("inertia", joint), lambda: self._at_rest(joint) - self.static
-        )
-        if not changes:
-            return declared
+        found = self._once(("inertia", joint), lambda: self._at_rest(joint) - self.static)
         model, some = self.device.model, self._thinned.samples
-        moving = self._once(("moved", joint), lambda: moved_by(model, self.position[some], joint))
-        parts = [
-            moving.torque(body, change if change.ndim == 1 else change[some])
-            for body, change in changes.items()
-        ]
-        return np.asarray(declared + self._thinned.between(np.sum(parts, axis=0)))
+        for body, change in changes.items():
+            moving = self._once(
+                ("moved", joint), lambda: moved_by(model, self.position[some], joint)
+            )
+            own = moving.torque(body, change if change.ndim == 1 else change[some])
+            found = found + self._thinned.between(own)
+        return np.asarray(found)
 
     def is_hinge(self, joint: int) -> bool:
         """Whether the joint turns; else it slides."""

@@ -7,13 +7,14 @@ other inertia and friction: then both are said.
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED
+from analysis.closeloop.identification.balance.declared import placed
 from analysis.closeloop.identification.balance.model import (
     Candidate,
     Model,
     evaluate,
     gain,
 )
-from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.balance.regression import Rows, Score, compare
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.nameable import one_way
@@ -35,18 +36,37 @@ def with_gains(model: Model, rows: Rows) -> Model:
     What is ordinary is asked of every joint at once, before anything else. Together inertia,
     friction and a load do most of what a gain does, and beside them a gain has nothing to show. So
     it is tried in their place: of the joint's own, then of these and what all joints share. It has
-    to predict left-out groups better; where it stands for several, as well is enough.
+    to predict left-out groups better; where it stands for several, as well is enough. The joint at
+    which it predicts best is the first: beside a load that stands for its gain, others seem wrong.
     """
-    for joint in rows.joints:
-        gain = Candidate(effect=GAIN, joint=joint)
-        if not GAIN.applies(model.recording, joint) or gain.key in _keys(model):
-            continue
-        shared = [c for c in model.effects if c.effect.name in SHARED]
-        own = [c for c in model.effects if c.joint == joint and c not in shared]
-        for gone in (own, [*own, *shared] if shared else []):
-            if gone:
-                model = _instead(model, rows, gone, gain)
+    while True:
+        found = [one for joint in rows.joints if (one := _gain_at(model, rows, joint))]
+        if not found:
+            return _without_needless(model, rows)
+        model, _ = min(found, key=lambda one: one[1].loss)
+
+
+def _without_needless(model: Model, rows: Rows) -> Model:
+    """Take out gains that are not missed once loads hang where they do without them."""
+    for candidate in model.effects:
+        if candidate.effect is GAIN:
+            rest = placed(model.without(candidate), rows)
+            gain, error = compare(evaluate(rest, rows).losses, evaluate(model, rows).losses)
+            if gain <= error:
+                model = rest
     return model
+
+
+def _gain_at(model: Model, rows: Rows, joint: int) -> tuple[Model, Score] | None:
+    """Return the model with a gain of one joint in the place of what it may stand for, or None."""
+    gain = Candidate(effect=GAIN, joint=joint)
+    if not GAIN.applies(model.recording, joint) or gain.key in _keys(model):
+        return None
+    shared = [c for c in model.effects if c.effect.name in SHARED]
+    own = [c for c in model.effects if c.joint == joint and c not in shared]
+    either = [gone for gone in (own, [*own, *shared] if shared else []) if gone]
+    changed = (_instead(model, rows, gone, gain) for gone in either)
+    return next((one for one in changed if one is not None), None)
 
 
 def gain_of_all(model: Model, coefficients: np.ndarray, rows: Rows) -> float | None:
@@ -77,16 +97,15 @@ def _keys(model: Model) -> set[tuple[str, int]]:
     return model.declared | {candidate.key for candidate in model.effects}
 
 
-def _instead(model: Model, rows: Rows, gone: list[Candidate], gain: Candidate) -> Model:
+def _instead(
+    model: Model, rows: Rows, gone: list[Candidate], gain: Candidate
+) -> tuple[Model, Score] | None:
     """Return the model with the gain in the place of some effects, if that is as it should be."""
-    if gain.key in _keys(model) or not set(gone) <= set(model.effects):
-        return model
     found = tried_alone(model.keeping(lambda other: other not in gone), rows, gain)
     if found is None:
-        return model
-    changed, score = found
-    better, error = compare(evaluate(model, rows).losses, score.losses)
-    return changed if better > (error if len(gone) == 1 else -error) else model
+        return None
+    better, error = compare(evaluate(model, rows).losses, found[1].losses)
+    return found if better > (error if len(gone) == 1 else -error) else None
 
 
 def alike(option: Option, rest: Model, rows: Rows) -> tuple[Option, ...]:
