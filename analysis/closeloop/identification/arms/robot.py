@@ -29,7 +29,7 @@ from analysis.closeloop.identification.arms.hidden import beside_friction
 from analysis.closeloop.identification.arms.links import Links, freed_links, links_of
 from analysis.closeloop.identification.arms.motors import with_other_joints
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
-from analysis.closeloop.identification.arms.shared import with_links, with_share
+from analysis.closeloop.identification.arms.shared import with_heavier_link, with_links, with_share
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.arms.zeros import (
     ZERO,
@@ -82,11 +82,14 @@ def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -
         progress: is told what is done.
     """
     grown = _traced(declared, rows, progress, links_free=True)
-    if grown.model.given is None:
+    if grown.model.given is not None:
+        progress("the same with the links as they are declared")
+        alone = _traced(declared, rows, progress, links_free=False)
+        grown = grown if _needed(grown, alone, rows) else alone
+    model = with_heavier_link(grown.model, rows)
+    if model is grown.model:
         return grown
-    progress("the same with the links as they are declared")
-    alone = _traced(declared, rows, progress, links_free=False)
-    return grown if _needed(grown, alone, rows) else alone
+    return _grown(placed(model, rows), rows, {step.key: step for step in grown.steps})
 
 
 def _needed(linked: Grown, alone: Grown, rows: Rows) -> bool:
@@ -124,6 +127,7 @@ def _traced(
         better = gain > error or (gain > -error and len(again.effects) < len(model.effects))
         return again if better else model
 
+    progress("what is loose")
     model, found = with_loose(model, rows)
     if found:
         model = settled_loose(shared_again(model), rows)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED, shared_by_joints, sure
-from analysis.closeloop.identification.arms.links import Links
+from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit, loaded
 from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import (
@@ -22,7 +22,7 @@ from analysis.closeloop.identification.nameable import lowest
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.drive import AnyGain
-from sim.effects.laws.inertia import LinkInertia
+from sim.effects.laws.inertia import LinkInertia, PlacedPayload
 
 LINKS = LinkInertia()
 GAIN, INERTIA = AnyGain(), BY_NAME["added_inertia"]
@@ -135,3 +135,26 @@ def with_links(model: Model, links: Links, change: np.ndarray) -> Model:
     changes = dict(zip(links.bodies, change, strict=True))
     given = Given(torque=torque, candidate=candidate, links=values, changes=changes)
     return replace(model, given=given)
+
+
+def with_heavier_link(model: Model, rows: Rows) -> Model:
+    """Put a link of another mass in the place of a payload on it that predicts less.
+
+    A link that is heavier throughout is one number. A load is up to four, and no mass at one place
+    has the inertia of what is spread over a link.
+    """
+    recording = model.recording
+    links = links_of(recording)
+    loads = [c for c in model.effects if isinstance(c.effect, PlacedPayload)]
+    for load in loads if model.given is None else ():
+        body = recording.body(load.joint)
+        if body not in links.bodies:
+            continue
+        link, rest = links.only((body,)), model.without(load)
+        torque = recording.link_torque(body) @ link.declared[0]
+        columns = {joint: torque[:, [joint]] for joint in recording.joints}
+        score = evaluate(rest.with_term(Term(joint=load.joint, columns=columns, kept=(0,))), rows)
+        lost, error = compare(score.losses, evaluate(model, rows).losses)
+        if lost < -error:
+            return with_links(rest, link, score.coefficients[-1] * link.declared)
+    return model

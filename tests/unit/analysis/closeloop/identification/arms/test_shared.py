@@ -11,6 +11,7 @@ from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.shared import with_share
 from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import compare, select_rows
+from tests.testbed.sessions.coupled import measured, moving, traced
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 
 #: Seconds, rows a second, and folds of a short trial.
@@ -82,3 +83,22 @@ def test_links_that_are_as_declared_stay_so_beside_one_that_is_not() -> None:
     mass = shared.given.links[links.names[wrong]][0] / links.declared[wrong, 0]
     # What the inertia of its motor does not take.
     assert mass == pytest.approx(0.7, abs=0.15)
+
+
+def test_a_link_that_is_heavier_throughout_is_no_payload_on_it() -> None:
+    """A stranger's links of 1.25 times their declared mass were loads beside their middle."""
+    arm = moving()
+    (two,) = links_of(arm).only((arm.body(1),)).declared
+    torque = arm.rigid + 0.25 * arm.link_torque(arm.body(1)) @ two + 0.3 * np.sign(arm.velocity)
+    found = traced(measured(arm, torque))
+    assert {name for name, _ in found} == {"link_inertia", "coulomb_friction"}
+    given = next(iter(found.values())).taken.model.given
+    assert given is not None and list(given.links) == ["two"]
+    assert given.links["two"][0] == pytest.approx(1.25 * two[0], rel=0.01)
+
+
+def test_a_load_of_that_mass_at_its_far_end_stays_one() -> None:
+    arm = moving()
+    load = arm.mass_torque(1, np.array([0.2, 0.0, 0.0]))
+    found = traced(measured(arm, arm.rigid + 0.1 * load + 0.3 * np.sign(arm.velocity)))
+    assert ("payload", 1) in found and "link_inertia" not in {name for name, _ in found}
