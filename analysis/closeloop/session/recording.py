@@ -7,10 +7,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from analysis.closeloop.session.chain.elsewhere import coefficients, rates
+from analysis.closeloop.session.chain.link_torque import ChainMotion, chain_motion, moved_by
+from analysis.closeloop.session.chain.thinned import Thinned
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
-from analysis.closeloop.session.elsewhere import coefficients, rates
-from analysis.closeloop.session.link_torque import ChainMotion, chain_motion, moved_by
 from analysis.closeloop.session.runs import holds, rests, runs, since_reversal, turning
 from analysis.closeloop.session.signals import (
     FLICKERS,
@@ -26,7 +27,6 @@ from analysis.closeloop.session.signals import (
     shifted,
     slope,
 )
-from analysis.closeloop.session.thinned import Thinned
 from sim.effects.rigid import point_mass
 
 #: Links that are as declared.

@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 
 from analysis.closeloop.identification.balance.model import Model
-from analysis.closeloop.session.link_torque import ENTRIES, carriers
+from analysis.closeloop.session.chain.link_torque import ENTRIES, carriers
 from analysis.closeloop.session.recording import Recording
 from sim.effects.rigid import point_mass
 

@@ -4,8 +4,10 @@
 2. What joints share: wrong zeros, then a payload on one link, or the inertial parameters of all
    links as one block (Swevers, Verdonck and De Schutter 2007 identify them and the friction at
    once). Before it a gain or a delay explains most of what wrong links do, after it next to none.
-3. Only then, joint by joint, every other effect. Beside those, 1 and 2 are asked again: a ripple
-   of twenty times the noise hides which link carries a load, and what else rubs.
+3. Springs and play, of all torques at once: each shakes the other joints, and what these share may
+   stand for it. Beside them 1 and 2 are asked again.
+4. Only then, joint by joint, every other effect. Beside those, 1 to 3 are asked again: a ripple of
+   twenty times the noise hides which link carries a load, and what else rubs.
 
 A gain then takes the place of what ordinary effects only imitate, and links other than declared are
 kept only if nothing simpler predicts nearly as well.

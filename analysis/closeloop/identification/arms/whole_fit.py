@@ -32,7 +32,7 @@ from analysis.closeloop.identification.balance.model import (
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
-from analysis.closeloop.session.link_torque import carriers
+from analysis.closeloop.session.chain.link_torque import carriers
 from sim.effects.laws.inertia import LEAST_LOAD, MOST_LOAD, PLACE
 from sim.effects.rigid import point_mass, point_mass_slopes
 

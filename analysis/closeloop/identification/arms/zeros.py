@@ -22,7 +22,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
 from analysis.closeloop.identification.candidates import tried_alone
-from analysis.closeloop.session.link_torque import carriers
+from analysis.closeloop.session.chain.link_torque import carriers
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.inertia import PlacedPayload
 

@@ -18,8 +18,8 @@ from analysis.closeloop.identification.balance.model import (
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.session.chain.link_torque import carriers, chain_motion
 from analysis.closeloop.session.contents import HungLoad
-from analysis.closeloop.session.link_torque import carriers, chain_motion
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
 from sim.effects.catalogue import BY_NAME, law_of

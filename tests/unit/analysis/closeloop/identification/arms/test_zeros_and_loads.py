@@ -19,7 +19,7 @@ from analysis.closeloop.identification.balance.model import (
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from analysis.closeloop.session.link_torque import chain_motion
+from analysis.closeloop.session.chain.link_torque import chain_motion
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.rigid import point_mass

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.closeloop.session.elsewhere import coefficients, rates
-from tests.unit.analysis.closeloop.session.test_link_torque import ARM, inverse
+from analysis.closeloop.session.chain.elsewhere import coefficients, rates
+from tests.unit.analysis.closeloop.session.chain.test_link_torque import ARM, inverse
 
 SPRUNG = ARM.replace('name="b" axis', 'name="b" stiffness="7" damping="2" axis')
 TENDON = """<tendon><spatial stiffness="300" springlength="0.3"><site site="low"/>

@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.closeloop.session.link_torque import carriers, chain_motion
+from analysis.closeloop.session.chain.link_torque import carriers, chain_motion
 from sim.effects.rigid import point_mass, point_mass_slopes
 
 ARM = """<mujoco><worldbody><body pos="0 0 1"><joint name="a" axis="0 0 1"/>
