@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import partial
 from math import ceil
 from pathlib import Path
 from typing import Any, Protocol
@@ -22,6 +23,8 @@ class JobState(StrEnum):
     WAITING = "waiting"
     RUNNING = "running"
     ENDED = "ended"
+    #: The batch system's list lacks it: it has ended, or the list is not whole.
+    MISSING = "missing"
 
 
 class Engine(Protocol):
@@ -134,6 +137,7 @@ class ParslEngine:
         with needs_extra("rehyb pilots", "pilots"):
             from parsl import providers
             from parsl.jobs.states import JobState as Parsl
+            from parsl.jobs.states import JobStatus
             from parsl.providers import cluster_provider
             from parsl.providers.local import local
         # Providers find it there.
@@ -173,7 +177,10 @@ class ParslEngine:
             Parsl.RUNNING: JobState.RUNNING,
             # What nobody can name may be there.
             Parsl.UNKNOWN: JobState.WAITING,
+            # Providers say so of whatever a list lacks, too.
+            Parsl.COMPLETED: JobState.MISSING,
         }
+        self._unanswered = partial(JobStatus, Parsl.UNKNOWN)
 
     def submit(self, command: str, name: str) -> str:
         """Submit one job that runs a line of shell, and return its id; FleetError if refused."""
@@ -191,14 +198,21 @@ class ParslEngine:
 
     def states(self, jobs: Sequence[str]) -> dict[str, JobState]:
         """Return where jobs are; FleetError if the batch system does not say."""
+        known = self._provider.resources
+        # Providers ask no more for what they hold for ended, though a list may only have lacked it.
+        asked = {job: known[job]["status"] for job in jobs if known[job]["status"].terminal}
+        unanswered = {job: self._unanswered() for job in asked}
+        for job, status in unanswered.items():
+            known[job]["status"] = status
         try:
-            found = self._provider.status(list(jobs))
+            self._provider.status(list(jobs))
         except Exception as error:
             raise FleetError(_first_line(error)) from None
-        return {
-            job: self._states.get(status.state, JobState.ENDED)
-            for job, status in zip(jobs, found, strict=True)
-        }
+        finally:
+            for job, status in unanswered.items():
+                if known[job]["status"] is status:
+                    known[job]["status"] = asked[job]
+        return {job: self._states.get(known[job]["status"].state, JobState.ENDED) for job in jobs}
 
     def cancel(self, jobs: Sequence[str]) -> None:
         """Have jobs ended; FleetError if the batch system does not take it."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from rehyb.client import Client, Json
 from rehyb.errors import FleetError, ServerError, Unreachable
 from rehyb.pilots.engines import Engine, JobState
+from rehyb.pilots.marks import TOUCH_SECONDS, Marks
 from rehyb.pilots.scaling import Work, head_start, may_start, step
 from rehyb.pilots.settings import Settings
 from rehyb.whole_files import whole_file
@@ -26,8 +27,11 @@ FAREWELL_SECONDS = 30.0
 SHORT_LIFE_SECONDS, SHORT_LIVES = 10.0, 5
 #: After a batch system has refused something, nothing more is asked of it for so long.
 REFUSED_SECONDS = 30.0
-#: What is in a keeper's folder; TICKETS is a folder with a file for each pilot that is wanted.
-ENVIRONMENT, TICKETS, JOB = "environment", "tickets", "pilot.sh"
+#: A batch system's list that lacks a job has ended it if it does so for so many seconds.
+MISSING_SECONDS = 60.0
+#: What is in a keeper's folder; TICKETS is a folder with a file for each pilot that is wanted, and
+#: MARKS one with a file for each that is there.
+ENVIRONMENT, TICKETS, MARKS, JOB = "environment", "tickets", "marks", "pilot.sh"
 
 #: What a job runs. A worker is asked to drain by a file that goes, in every batch system alike: not
 #: each of them passes signals on, and some kill soon after. Who has no ticket is not counted: a
@@ -38,20 +42,40 @@ _JOB = """#!/bin/sh
 cd {folder} || exit 1
 . ./{environment}
 ticket={tickets}/$1
+mark={marks}/$1
 sleep "$2"
 shift 2
 # Opened, since a network's folder may be remembered as it was.
 wanted() {{ true < "$ticket"; }} 2>/dev/null
+beats=0
+beat() {{
+    beats=$((beats + 1))
+    [ $((beats % {touch})) -ne 0 ] || touch "$mark" 2>/dev/null
+    sleep 1
+}}
+# First the mark: who takes the ticket away and finds no mark knows that this one will not work.
+trap 'rm -f "$mark"' EXIT
+touch "$mark" 2>/dev/null
 wanted || exit 0
 {worker} "$@" &
 worker=$!
-leave() {{ trap '' TERM INT; kill -TERM "$worker" 2>/dev/null; wait "$worker"; exit; }}
+leave() {{
+    trap '' TERM INT
+    kill -TERM "$worker" 2>/dev/null
+    while kill -0 "$worker" 2>/dev/null; do beat; done
+    wait "$worker"
+    exit
+}}
 trap leave TERM INT
 while kill -0 "$worker" 2>/dev/null; do
     wanted || leave
-    sleep 1
+    beat
 done
 wait "$worker"
+status=$?
+# It left by itself: whoever was told to may be queued again by the batch system, and needs it then.
+rm -f "$ticket"
+exit "$status"
 """
 
 
@@ -64,6 +88,8 @@ class Status:
     wanted: int
     pilots_waiting: int
     pilots_running: int
+    #: Pilots that are counted although they are not wanted: they finish what they run.
+    pilots_leaving: int
     submitted: int
     #: What goes wrong; empty: nothing.
     trouble: str
@@ -90,18 +116,28 @@ class Keeper:
     _started_at: dict[str, float] = field(default_factory=dict)
     _short_lives: int = 0
     _silent_until: float = 0.0
+    #: The pilots that are there, by their tickets' names.
+    _marks: Marks = field(init=False)
+    #: When the batch system's list was first seen to lack a job.
+    _missing_since: dict[str, float] = field(default_factory=dict)
+    #: When it was last looked, in seconds of `look`'s clock.
+    _now: float = 0.0
     #: What there was to do when the coordinator was last asked.
     _work: Work = NO_WORK
     #: What the batch system said when it refused a pilot.
     _refusal: str = ""
 
+    def __post_init__(self) -> None:
+        self._marks = Marks(folder=self.folder / MARKS)
+
     def prepare(self) -> None:
         """Write what pilots need to find the coordinator, for the owner's eyes only.
 
-        Pilots that an earlier keeper of the folder left behind when it was killed are told to
-        finish and leave: nobody counts them any more.
+        Pilots that an earlier keeper of the folder left behind when it was killed may be others
+        than these. They are told to finish and leave, and counted until they have left.
         """
-        (self.folder / TICKETS).mkdir(parents=True, exist_ok=True)
+        for name in (TICKETS, MARKS):
+            (self.folder / name).mkdir(parents=True, exist_ok=True)
         self.name = secrets.token_hex(4)
         told = {
             "REHYB_URL": self.client.url,
@@ -131,6 +167,7 @@ class Keeper:
             Unauthorized: the coordinator refuses the token.
         """
         trouble = self._note_ended(now)
+        leaving = len(self._leaving())
         try:
             told = self.client.work(self.group)
         except (Unreachable, ServerError) as error:
@@ -144,7 +181,7 @@ class Keeper:
             self.jobs,
             cores=settings.cores,
             minimum=settings.minimum,
-            maximum=settings.maximum,
+            maximum=max(0, settings.maximum - leaving),
             may_start=0 if quiet else room,
         )
         try:
@@ -171,7 +208,7 @@ class Keeper:
         self._withdraw_tickets()
         left = quiet_until = self.settings.instance + FAREWELL_SECONDS
         while True:
-            self._note_ended(None)
+            self._note_ended(self._now, judging=False)
             waiting = [job for job, state in self.jobs.items() if state == JobState.WAITING]
             try:
                 if left <= quiet_until:
@@ -184,6 +221,7 @@ class Keeper:
                 break
             wait(1.0)
             left -= 1.0
+            self._now += 1.0
         self.end()
 
     def end(self) -> None:
@@ -219,7 +257,14 @@ class Keeper:
             f"--instance-seconds {settings.instance:g}"
         )
         folder = shlex.quote(str(self.folder))
-        return _JOB.format(folder=folder, environment=ENVIRONMENT, tickets=TICKETS, worker=worker)
+        return _JOB.format(
+            folder=folder,
+            environment=ENVIRONMENT,
+            tickets=TICKETS,
+            marks=MARKS,
+            touch=TOUCH_SECONDS,
+            worker=worker,
+        )
 
     def _withdraw_tickets(self) -> None:
         for ticket in (self.folder / TICKETS).iterdir():
@@ -231,26 +276,47 @@ class Keeper:
         for job in chosen:
             self._forget(job)
 
-    def _note_ended(self, now: float | None) -> str:
+    def _note_ended(self, now: float, *, judging: bool = True) -> str:
         """Forget jobs that have ended; return what is wrong if the batch system does not say."""
+        self._now = now
+        self._marks.look(now)
+        self._marks.clear_stale(now, {ticket.name for ticket in self._tickets.values()})
         try:
             found = self.engine.states(list(self.jobs)) if self.jobs else {}
         except FleetError as error:
             return f"the batch system does not answer: {error}"
         for job, state in found.items():
-            if state != JobState.ENDED:
+            if state == JobState.ENDED or (state == JobState.MISSING and self._is_over(job)):
+                if judging:
+                    self._judge(job)
+                self._marks.remove(self._tickets[job].name)
+                self._forget(job)
+            elif state != JobState.MISSING:
                 self.jobs[job] = state
-                if state == JobState.RUNNING and now is not None:
+                self._missing_since.pop(job, None)
+                if state == JobState.RUNNING:
                     self._started_at.setdefault(job, now)
-                continue
-            if now is not None:
-                self._judge(job, now)
-            self._forget(job)
         return ""
 
-    def _judge(self, job: str, now: float) -> None:
+    def _is_over(self, job: str) -> bool:
+        """Say whether a job has ended that the batch system's list lacks now."""
+        since = self._missing_since.setdefault(job, self._now)
+        ticket = self._tickets[job]
+        if ticket.name in self._marks.fresh(self._now):
+            self.jobs[job] = JobState.RUNNING
+            return False
+        # By its own account, or by the list's again and again.
+        by_itself = self._marks.left(ticket.name) or _is_gone(ticket)
+        return by_itself or self._now >= since + MISSING_SECONDS
+
+    def _leaving(self) -> set[str]:
+        """Return the pilots that are there though nobody wants them, by their tickets' names."""
+        return self._marks.fresh(self._now) - {ticket.name for ticket in self._tickets.values()}
+
+    def _judge(self, job: str) -> None:
         """Count pilots that end at once: a worker that cannot start costs allocation for ever."""
-        lived = now - self._started_at.get(job, now)
+        ended = self._missing_since.get(job, self._now)
+        lived = ended - self._started_at.get(job, ended)
         short = lived < min(SHORT_LIFE_SECONDS, self.settings.idle)
         self._short_lives = self._short_lives + 1 if short else 0
         log.info("pilot %s ended", job)
@@ -267,6 +333,7 @@ class Keeper:
             ticket.unlink(missing_ok=True)
         self._standing.discard(job)
         self._started_at.pop(job, None)
+        self._missing_since.pop(job, None)
 
     def _status(self, work: Work, wanted: int, trouble: str) -> Status:
         waiting = sum(state == JobState.WAITING for state in self.jobs.values())
@@ -276,9 +343,21 @@ class Keeper:
             wanted=wanted,
             pilots_waiting=waiting,
             pilots_running=len(self.jobs) - waiting,
+            pilots_leaving=len(self._leaving()),
             submitted=self.submitted,
             trouble=trouble,
         )
+
+
+def _is_gone(path: Path) -> bool:
+    """Say whether a file is surely not there: a network's folder may be away."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return True
+    except OSError:
+        return False
+    return False
 
 
 def _what_others_must_do(told: Json) -> str:

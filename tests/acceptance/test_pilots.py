@@ -31,6 +31,8 @@ STUDY: Json = {"name": "p", "method": "saltelli", "rows": 200, "seed": 11}
 #: Seconds that an instance takes, so that studies last as long on every machine.
 INSTANCE_SECONDS = 0.05
 LEASE_SECONDS = 3
+#: Of a pilot.
+WALLTIME = 600.0
 #: Seconds for everything that may take a while.
 PATIENCE = 120.0
 #: For a whole study.
@@ -92,6 +94,18 @@ def slow_ishigami(folder: Path) -> Path:
     return folder
 
 
+def engine_for(provider: str, folder: Path) -> ParslEngine:
+    """Return a batch system for the pilots of a folder."""
+    return ParslEngine(
+        provider,
+        folder=folder / "pilots",
+        walltime=WALLTIME,
+        cores=1,
+        before=f"export XDG_STATE_HOME={folder / 'state'}",
+        options={},
+    )
+
+
 @pytest.fixture
 def site(
     tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
@@ -100,7 +114,7 @@ def site(
     said: dict[str, Any] = {
         "provider": request.param,
         # Longer than a busy machine takes to the moment at which Slurm is told to end one.
-        "walltime": "10m",
+        "walltime": WALLTIME,
         "cores": 1,
         "maximum": 2,
         "starts_a_minute": 60,
@@ -115,14 +129,7 @@ def site(
     # What a killed pilot held is given to others after this time.
     monkeypatch.setenv("REHYB_LEASE_SECONDS", str(LEASE_SECONDS))
     with WarmFleet(tmp_path / "fleet", workers=0) as fleet:
-        engine = ParslEngine(
-            settings.provider,
-            folder=folder,
-            walltime=settings.walltime,
-            cores=1,
-            before="export XDG_STATE_HOME=" + str(tmp_path / "state"),
-            options={},
-        )
+        engine = engine_for(settings.provider, tmp_path)
         with Client(fleet.url, fleet.token) as client:
             keeper = Keeper(
                 settings=settings, engine=engine, client=client, token=fleet.token, folder=folder
@@ -187,6 +194,33 @@ def test_what_pilots_cannot_take_starts_none_after_the_first_and_other_work_does
     study = site.submit({**STUDY, "rows": 20})
     assert site.keeper.look(time.monotonic()).submitted == known.submitted + 2
     finished(site, {**study, "rows": 20})
+
+
+@pytest.mark.parametrize("site", ["local", "slurm"], indirect=True)
+def test_the_next_rehyb_pilots_starts_none_before_those_of_a_killed_one_have_left(
+    site: Site, tmp_path: Path
+) -> None:
+    study = site.submit({**STUDY, "rows": 60})
+    site.look_until(lambda status: status.pilots_running == 2)
+    site.look_until_done(study, 0.1)
+    killed = site.keeper
+    site.keeper = Keeper(
+        settings=killed.settings,
+        engine=engine_for(killed.settings.provider, tmp_path),
+        client=killed.client,
+        token=killed.token,
+        folder=killed.folder,
+    )
+    site.keeper.prepare()
+    first = site.keeper.look(time.monotonic())
+    assert (first.pilots_leaving, first.submitted) == (2, 0)
+
+    def two_run(status: Status) -> bool:
+        assert status.pilots_leaving + status.pilots_waiting + status.pilots_running <= 2
+        return status.pilots_running == 2
+
+    site.look_until(two_run)
+    finished(site, {**study, "rows": 60})
 
 
 @pytest.mark.parametrize("site", ["slurm"], indirect=True)

@@ -86,8 +86,10 @@ class _Telling:
 
 def line(status: Status) -> str:
     """Return how things stand as one line."""
+    leaving = f"{status.pilots_leaving} leaving, " if status.pilots_leaving else ""
     text = (
         f"{status.waiting} instances wait, {status.under_way} under way; pilots: "
-        f"{status.pilots_running} running, {status.pilots_waiting} queued, {status.wanted} wanted"
+        f"{status.pilots_running} running, {status.pilots_waiting} queued, {leaving}"
+        f"{status.wanted} wanted"
     )
     return f"{text}; {status.trouble}" if status.trouble else text

@@ -7,7 +7,7 @@ import pytest
 
 from rehyb.errors import FleetError
 from rehyb.pilots.commands import run
-from rehyb.pilots.engines import ParslEngine
+from rehyb.pilots.engines import JobState, ParslEngine
 
 
 def test_a_command_answers_with_its_status_and_what_it_printed() -> None:
@@ -29,6 +29,16 @@ def test_a_command_that_hangs_is_one_sentence_and_leaves_nothing_behind(tmp_path
     assert not late.exists()
 
 
+def slurm_of(folder: Path, monkeypatch: pytest.MonkeyPatch, **scripts: str) -> None:
+    """Have commands of Slurm that do as they are told."""
+    commands = folder / "bin"
+    commands.mkdir()
+    for name, script in scripts.items():
+        (commands / name).write_text(f"#!/bin/sh\n{script}\n")
+        (commands / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{commands}:/usr/bin:/bin")
+
+
 @pytest.mark.parametrize(
     ("sbatch", "said"),
     [
@@ -40,13 +50,8 @@ def test_a_command_that_hangs_is_one_sentence_and_leaves_nothing_behind(tmp_path
 def test_what_keeps_a_batch_system_from_taking_a_job_is_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sbatch: str, said: str
 ) -> None:
-    commands = tmp_path / "bin"
-    commands.mkdir()
     warning = "echo 'sbatch: warning: odd' >&2"
-    for name, script in {"sacct": "exit 1", "sbatch": f"{warning}; {sbatch}"}.items():
-        (commands / name).write_text(f"#!/bin/sh\n{script}\n")
-        (commands / name).chmod(0o755)
-    monkeypatch.setenv("PATH", f"{commands}:/usr/bin:/bin")
+    slurm_of(tmp_path, monkeypatch, sacct="exit 1", sbatch=f"{warning}; {sbatch}")
     engine = ParslEngine(
         "slurm", folder=tmp_path / "site", walltime=60.0, cores=1, before="", options={}
     )
@@ -55,3 +60,31 @@ def test_what_keeps_a_batch_system_from_taking_a_job_is_one_sentence(
     with pytest.raises(FleetError) as refusal:
         engine.submit("true", "pilot")
     assert str(refusal.value) == said
+
+
+def test_a_job_that_a_list_lacks_is_asked_for_again_and_may_come_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer = tmp_path / "answer"
+    slurm_of(
+        tmp_path,
+        monkeypatch,
+        sacct="exit 1",
+        sbatch="echo Submitted batch job 7",
+        squeue=f". {answer}",
+    )
+    engine = ParslEngine(
+        "slurm", folder=tmp_path / "site", walltime=60.0, cores=1, before="", options={}
+    )
+    assert engine.submit("true", "pilot") == "7"
+
+    def state(squeue: str) -> JobState:
+        answer.write_text(squeue)
+        return engine.states(["7"])["7"]
+
+    assert state("echo 7 R") == JobState.RUNNING
+    assert state("true") == JobState.MISSING
+    assert state("exit 1") == JobState.MISSING, "no answer changes nothing"
+    assert state("echo 7 R") == JobState.RUNNING
+    assert state("exit 1") == JobState.RUNNING
+    assert state("echo 7 TO") == JobState.ENDED
