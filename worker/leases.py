@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice, takewhile
 from math import inf
 from random import Random
 from typing import Any
@@ -15,7 +16,7 @@ from worker.backoff import without_work
 
 log = logging.getLogger(__name__)
 
-#: {"worker", "models", "max_instances"} as `Client.lease` takes them.
+#: {"worker", "models", "max_instances", "at_most"} as `Client.lease` takes them.
 LeaseRequest = Mapping[str, Any]
 
 #: Work to ask for at once: little enough that the last rows of a study are spread over all
@@ -84,7 +85,8 @@ class Leases:
     queue: deque[Ticket] = field(default_factory=deque)
     _held: list[Lease] = field(default_factory=list)
     _ask_at: float = 0.0
-    _seconds_each: float | None = None
+    #: How long an instance takes, by its model: one of another may take ten thousand times as long.
+    _seconds_each: dict[str, float] = field(default_factory=dict)
     #: Instances of the last lease.
     _granted: int = 0
     #: Of the instance that took longest here.
@@ -109,8 +111,11 @@ class Leases:
 
     @property
     def bundle_size(self) -> int:
-        """How many of the queue to give to one child at once."""
-        return bundle_size(self._seconds_each, self.processes, len(self.queue))
+        """How many of the queue to give to one child at once; all of one model."""
+        model = self._next_model
+        size = bundle_size(self._seconds_each.get(model), self.processes, len(self.queue))
+        alike = takewhile(lambda ticket: ticket.instance["model"] == model, self.queue)
+        return sum(1 for _ in islice(alike, size))
 
     @property
     def ahead(self) -> int:
@@ -118,28 +123,44 @@ class Leases:
 
         Never more than half a lease as the coordinator grants them.
         """
-        if self._seconds_each is None:
+        each = self._seconds_each.get(self._next_model)
+        if each is None:
             return 0
-        soon = int(AHEAD_SECONDS * self.processes / max(self._seconds_each, LEAST_SECONDS))
+        soon = int(AHEAD_SECONDS * self.processes / max(each, LEAST_SECONDS))
         return min(soon, self._granted // 2)
+
+    @property
+    def _next_model(self) -> str:
+        """The model of what is next in the queue; empty: nothing is."""
+        model: str = self.queue[0].instance["model"] if self.queue else ""
+        return model
 
     def request(self, now: float) -> LeaseRequest | None:
         """Return what to ask for; None if it is too early, or no more may be begun."""
         if now < self._ask_at or self.left == 0:
             return None
-        size = lease_size(self._seconds_each, self.processes, self.batch)
-        if self.left is not None:
-            size = min(size, self.left)
-        if self.leave_at < inf:
-            each = self._seconds_each or 0.0
-            size = min(size, fitting(self._time_left(now), each, self._slowest, self.processes))
-            if size == 0:
-                return None
         models = self.models(now)
+        sizes = {model: self._size(model, now) for model in models}
+        size = max(sizes.values(), default=0)
+        if size == 0:
+            return None
         canaries = {name: canary for name, canary in models.items() if canary}
         said = {"canaries": canaries, "refused": self.refused()}
         worker = {**self.worker, **{name: told for name, told in said.items() if told}}
-        return {"worker": worker, "models": list(models), "max_instances": size}
+        request = {"worker": worker, "models": list(models), "max_instances": size}
+        fewer = {model: wanted for model, wanted in sizes.items() if wanted < size}
+        return {**request, "at_most": fewer} if fewer else request
+
+    def _size(self, model: str, now: float) -> int:
+        """Return how many instances of a model to ask for at once; 0: none can be finished."""
+        each = self._seconds_each.get(model)
+        size = lease_size(each, self.processes, self.batch)
+        if self.left is not None:
+            size = min(size, self.left)
+        if self.leave_at < inf:
+            left = self._time_left(now)
+            size = min(size, fitting(left, each or 0.0, self._slowest, self.processes))
+        return size
 
     def ends_too_soon(self, now: float) -> bool:
         """Say whether an instance begun now could not be finished before the worker must leave."""
@@ -207,8 +228,9 @@ class Leases:
     def finish(self, ticket: Ticket, seconds: float) -> None:
         """Note that an instance has a result, and how long it took."""
         ticket.lease.open.discard(ticket.instance["id"])
-        before = seconds if self._seconds_each is None else self._seconds_each
-        self._seconds_each = before + NEWEST_WEIGHT * (seconds - before)
+        model = ticket.instance["model"]
+        before = self._seconds_each.get(model, seconds)
+        self._seconds_each[model] = before + NEWEST_WEIGHT * (seconds - before)
         self._slowest = max(self._slowest, seconds)
 
     def extend(self, lease_id: str, now: float) -> None:

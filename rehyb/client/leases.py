@@ -26,17 +26,25 @@ class Leases(Connection):
         return {**body_of(response), "date": response.header("Date") or None}
 
     def lease(
-        self, *, worker: Mapping[str, Any], models: Sequence[str], max_instances: int
+        self,
+        *,
+        worker: Mapping[str, Any],
+        models: Sequence[str],
+        max_instances: int,
+        at_most: Mapping[str, int] | None = None,
     ) -> Json | None:
         """Lease up to `max_instances` instances; None (and `retry_after` set) if there are none.
 
         Args:
             worker: {"id", "host", "versions", "tags"}.
+            at_most: of some models fewer.
 
         Raises:
             Conflict: there is work, but none that this worker fits; the message says why.
         """
         body = {"worker": worker, "models": list(models), "max_instances": max_instances}
+        if at_most:
+            body["at_most"] = dict(at_most)
         return self._leased("/v1/leases", body)
 
     def renew(self, lease_id: str, fence: int) -> Json:
@@ -70,7 +78,7 @@ class Leases(Connection):
         """Post results and lease the next instances in one request.
 
         Args:
-            request: {"worker", "models", "max_instances"}, as for `lease`.
+            request: {"worker", "models", "max_instances", "at_most"}, as for `lease`.
 
         Returns:
             {"verdicts", "next", "misfit"}: as `post_results` and `lease` return them, and why there

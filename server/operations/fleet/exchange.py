@@ -1,7 +1,7 @@
 """What a worker brings and asks for in one request, and what it is told."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
@@ -35,6 +35,12 @@ class LeaseRequest:
     worker: Introduction
     models: Sequence[str]
     max_instances: int
+    #: Of some models fewer.
+    at_most: Mapping[str, int] = field(default_factory=dict)
+
+    def most(self, model: str) -> int:
+        """How many instances of a model are wanted at once."""
+        return min(self.max_instances, self.at_most.get(model, self.max_instances))
 
     def host_class(self, model: str = "") -> str:
         """The host class of who asks, as far as it matters to a model, "name@digest"."""

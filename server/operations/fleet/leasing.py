@@ -106,7 +106,8 @@ async def _lease_instances(
         await served.begin_anew(study)
     host_class = request.host_class(study.plan.model)
     again = await _returned(served, study, exchange, request, host_class) if study.returned else []
-    wanted = request.max_instances - len(again) if study.state == StudyState.RUNNING else 0
+    most = request.most(study.plan.model)
+    wanted = most - len(again) if study.state == StudyState.RUNNING else 0
     begun, fresh = new_rows(study, wanted)
     if not again and not fresh:
         return None
@@ -144,7 +145,7 @@ async def _returned(
     served: ServedStudy, study: Study, exchange: Exchange, request: LeaseRequest, host_class: str
 ) -> list[Instance]:
     """Return instances of begun rows that wait for a machine and may go to this one."""
-    host, most = request.worker.host, request.max_instances
+    host, most = request.worker.host, request.most(study.plan.model)
     if not served.stale:
         waiting = served.pending.get(host_class, [])
         found = waiting[:most]
@@ -169,7 +170,7 @@ async def _lease_comparisons(
     """Hand out the locked study's results to be computed again; None if somebody was faster."""
     lease_id = new_id(exchange.now)
     await served.write()
-    host, most = request.worker.host, request.max_instances
+    host, most = request.worker.host, request.most(study.plan.model)
     asked = await served.turn.opinions_for(study, host, limit=most)
     if not asked:
         return None

@@ -151,5 +151,5 @@ def _wanted(exchanges: Iterable[Exchange], model: str) -> dict[str, int]:
     for one in exchanges:
         if one.request is not None:
             host_class = one.request.host_class(model)
-            found[host_class] = found.get(host_class, 0) + one.request.max_instances
+            found[host_class] = found.get(host_class, 0) + one.request.most(model)
     return found

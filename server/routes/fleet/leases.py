@@ -42,6 +42,9 @@ Reason = Annotated[str, StringConstraints(max_length=300, pattern=r"^[^\x00-\x1f
 Fence = Annotated[int, Field(ge=0, le=MAX_INTEGER)]
 
 
+Most = Annotated[int, Field(ge=1, le=1000)]
+
+
 class WorkerBody(Body):
     """Who asks."""
 
@@ -90,7 +93,12 @@ class LeaseBody(Body):
 
     worker: WorkerBody
     models: list[Name] = Field(min_length=1, max_length=100)
-    max_instances: int = Field(ge=1, le=1000)
+    max_instances: Most
+    at_most: dict[Name, Most] = Field(
+        default_factory=dict,
+        max_length=100,
+        description="Of these models it wants fewer at once, since they take longer.",
+    )
 
 
 class FenceBody(Body):
@@ -137,7 +145,12 @@ router.add_api_route(
 def requested(body: LeaseBody) -> LeaseRequest:
     """Return what a worker asks for as operations know it."""
     worker = body.worker.introduced(body.models)
-    return LeaseRequest(worker=worker, models=body.models, max_instances=body.max_instances)
+    return LeaseRequest(
+        worker=worker,
+        models=body.models,
+        max_instances=body.max_instances,
+        at_most=body.at_most,
+    )
 
 
 def granted(grant: Grant, state: State) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """What workers ask of a coordinator's database, each in a transaction of its own."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from sqlalchemy.engine import Engine
@@ -60,6 +61,7 @@ def grant(
     now: float,
     ttl: float,
     tags: Sequence[str] = (),
+    at_most: Mapping[str, int] = MappingProxyType({}),
 ) -> Grant | None:
     """Lease instances; None if there is nothing to do.
 
@@ -70,6 +72,7 @@ def grant(
         worker=Introduction(id=worker, host=host, versions=versions, tags=tags),
         models=models,
         max_instances=max_instances,
+        at_most=at_most,
     )
     _, found = serve(engine, Exchange(request=request, now=now, ttl=ttl))
     if isinstance(found, Ineligible):

@@ -17,9 +17,11 @@ class Coordinator:
         self.told: list[tuple[str, str, int]] = []
         self.retry_after = 8.0
         self.lost = False
+        self.model = "m"
 
     def lease(self, **request: Any) -> dict[str, Any]:
-        instances = [{"id": name} for name in "abc"][: request["max_instances"]]
+        names = "abc"[: request["max_instances"]]
+        instances = [{"id": name, "model": self.model} for name in names]
         return {"id": "l", "fence": 7, "ttl_seconds": 30.0, "instances": instances}
 
     def renew(self, lease: str, fence: int) -> None:
@@ -223,6 +225,44 @@ def test_how_long_an_instance_takes_is_a_running_mean_with_a_fifth_of_the_newest
         asked = leases.request(0.0)
         sizes.append(asked and asked["max_instances"])
     assert sizes == [6, 5]
+
+
+def test_of_a_dear_model_no_more_is_asked_for_because_a_cheap_one_was_computed_before(
+    leases: Leases, coordinator: Coordinator
+) -> None:
+    leases.left, leases.models = None, lambda _: {"m": "", "dear": "", "unknown": ""}
+    granted(leases)
+    leases.finish(leases.queue.popleft(), 0.0)
+    asked = leases.request(0.0)
+    assert asked is not None
+    assert (asked["max_instances"], asked["at_most"]) == (10, {"dear": 3, "unknown": 3})
+    # The cheap one's are still in the queue.
+    coordinator.model = "dear"
+    granted(leases)
+    leases.finish(leases.queue.pop(), 60.0)
+    asked = leases.request(0.0)
+    assert asked is not None
+    assert (asked["max_instances"], asked["at_most"]) == (10, {"dear": 1, "unknown": 3})
+    assert leases.ahead == 1, "what comes next is cheap"
+    leases.models = lambda _: {"dear": ""}
+    asked = leases.request(0.0)
+    assert asked is not None and "at_most" not in asked and asked["max_instances"] == 1
+
+
+def test_a_child_gets_no_dear_instances_behind_cheap_ones(
+    leases: Leases, coordinator: Coordinator
+) -> None:
+    leases.left = None
+    granted(leases)
+    leases.finish(leases.queue.popleft(), 0.0)
+    coordinator.model = "dear"
+    for _ in range(10):
+        granted(leases)
+    # Two are left of the cheap model; a child could take five of all.
+    assert leases.bundle_size == 2
+    leases.queue.popleft()
+    leases.queue.popleft()
+    assert leases.bundle_size == 1
 
 
 @pytest.mark.parametrize(

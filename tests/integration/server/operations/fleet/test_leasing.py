@@ -74,6 +74,20 @@ def test_leases_sort_by_age_and_no_two_are_the_same(engine: Engine, plan: Drawin
     assert len(set(ids)) == 6 and {len(one) for one in ids} == {32}
 
 
+def test_of_a_model_that_a_worker_wants_fewer_of_it_gets_no_more(
+    engine: Engine, plan: Drawing
+) -> None:
+    create(engine, plan())
+    fewer = {"ishigami": 2, "elbow": 1}
+    first = leased(engine, n=1000, at_most=fewer)
+    assert first.lease.instances == ((0, 0), (0, 1))
+    leases.release(engine, first.lease.id, fence=first.lease.fence, now=0.0)
+    # Also of those that come back; and no more than of any model.
+    assert len(leased(engine, n=1000, at_most=fewer).lease.instances) == 2
+    assert len(leased(engine, n=1, at_most=fewer).lease.instances) == 1
+    assert len(leased(engine, n=3, at_most={"elbow": 1}).lease.instances) == 3
+
+
 def test_instances_are_handed_out_row_by_row_and_never_twice(engine: Engine, plan: Drawing) -> None:
     create(engine, plan())
     places = [place for _ in range(3) for place in leased(engine).lease.instances]

@@ -56,6 +56,17 @@ def test_the_answer_brings_verdicts_and_the_next_lease(
     assert check.faults(app.state.engine) == []
 
 
+def test_a_worker_may_want_fewer_of_a_model_and_no_nonsense_of_it(
+    client: TestClient, study: Json, lease: Json
+) -> None:
+    wish = asking(max_instances=1000, at_most={"ishigami": 2, "elbow": 1})
+    following = exchange(client, lease, wish).json()["next"]
+    assert places(following) == [(1, 0), (1, 1)]
+    for nonsense in ({"ishigami": 0}, {"ishigami": 1001}, {"ishigami": None}, {"": 1}):
+        refused = client.post("/v1/leases", json=asking(at_most=nonsense))
+        assert is_problem(refused, 422), nonsense
+
+
 def test_a_worker_is_answered_before_its_results_are_counted(
     client: TestClient, lease: Json, monkeypatch: pytest.MonkeyPatch
 ) -> None:
