@@ -103,7 +103,7 @@ async def _lease_instances(
     mine = identity(request.worker.versions)
     if study.identity is not None and study.identity != mine:
         # Whoever had it is gone without a result: what comes late is not mixed with this worker's.
-        await served.begin_anew(study)
+        study = await served.begin_anew(study)
     host_class = request.host_class(study.plan.model)
     again = await _returned(served, study, exchange, request, host_class) if study.returned else []
     most = request.most(study.plan.model)

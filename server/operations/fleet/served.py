@@ -8,11 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from server.logic.fleet.hosts import GONE_SECONDS
-from server.logic.study.studies import with_changes, with_found
+from server.logic.study.instances import reopened
+from server.logic.study.studies import recounted, with_changes, with_found
 from server.operations.fleet.exchange import Exchange, Grant, Post, Served
 from server.records import Instance, Lease, Place, Result, Study
 from server.states import InstanceState
-from server.store.fleet.rare import hosts_at_work, put_in_place, unbind
+from server.store.fleet.rare import begin_anew, hosts_at_work, put_in_place
 from server.store.fleet.turn_changes import Changes
 from server.store.fleet.turns import Seen, Turn
 
@@ -130,13 +131,23 @@ class ServedStudy:
         await put_in_place(self.turn, self.study, lease.worker, found, now=self._now)
         self.study = with_found(self.study, found)
 
-    async def begin_anew(self, study: Study) -> None:
-        """Leave the rows of a study, of which nobody has computed anything, to any host class."""
+    async def begin_anew(self, study: Study) -> Study:
+        """Leave the rows of a study, of which nobody has computed anything, to any host class.
+
+        What was lost with other code may come with this one, and how often it was does not count.
+
+        Returns:
+            The study without results.
+        """
         await self.write()
-        await unbind(self.turn, study)
+        await begin_anew(self.turn, study, now=self._now)
         for row in self._rows.values():
-            row.update({place: replace(one, host_class=None) for place, one in row.items()})
+            row.update({place: reopened(one, unbound=True) for place, one in row.items()})
         self.pending, self.stale = {}, True
+        if study.result_count:
+            study = recounted(study, outcomes={}, rows_complete=0, leased=0)
+        self.study = study
+        return study
 
     async def at_work(self, study: Study, host_class: str | None) -> set[str]:
         """Return the hosts of a host class that work on a study."""

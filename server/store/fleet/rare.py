@@ -16,13 +16,13 @@ WHERE study_id = %s AND superseded_at > (SELECT granted_at FROM leases WHERE id 
   AND outcome NOT IN ('crashed', 'timed_out', 'invalid', 'lost') AND CAST(row AS text) {any}
 """)
 
+#: What is kept of a result that is taken back.
+_KEPT = "study_id, row, position, outcome, outputs, reason, worker_id, received_at"
 _AT = "WHERE study_id = %s AND row = %s AND position = %s"
-_KEEP = SetStatement(f"""
-INSERT INTO superseded (superseded_at, why, study_id, row, position, outcome, outputs, reason,
-    worker_id, received_at)
-SELECT %s, %s, study_id, row, position, outcome, outputs, reason, worker_id, received_at
-FROM results {_AT}
-""")
+_KEEP_ALL = f"""
+INSERT INTO superseded (superseded_at, why, {_KEPT}) SELECT %s, %s, {_KEPT} FROM results
+"""
+_KEEP = SetStatement(f"{_KEEP_ALL} {_AT}")
 _REPLACE = SetStatement(f"""
 UPDATE results SET worker_id = %s, outcome = %s, outputs = %s, reason = %s, state = %s,
     wall_seconds = %s {_AT}
@@ -33,12 +33,26 @@ _START_OVER = [
 ]
 
 
-_UNBIND = SetStatement("UPDATE instances SET host_class = NULL WHERE study_id = %s")
+_KEEP_EVERY = SetStatement(f"{_KEEP_ALL} WHERE study_id = %s")
+_TAKE_BACK = SetStatement("DELETE FROM results WHERE study_id = %s")
+_REOPEN = SetStatement("""
+UPDATE instances SET host_class = NULL, state = 'pending', lease_id = NULL, attempts = '{}',
+    avoid = NULL
+WHERE study_id = %s
+""")
 
 
-async def unbind(turn: Turn, study: Study) -> None:
-    """Leave the begun rows of a study, of which nobody holds anything, to any host class."""
-    await turn.trip(_UNBIND.statements(turn.dialect, study.id))
+async def begin_anew(turn: Turn, study: Study, *, now: float) -> None:
+    """Leave the begun rows of a study, of which nobody holds anything, to any host class.
+
+    They are as if nobody had tried them, and what results there are is kept as superseded.
+    """
+    statements = []
+    if study.result_count:
+        statements += _KEEP_EVERY.statements(turn.dialect, now, "begun anew", study.id)
+        for one in (_TAKE_BACK, *_START_OVER):
+            statements += one.statements(turn.dialect, study.id)
+    await turn.trip([*statements, *_REOPEN.statements(turn.dialect, study.id)])
 
 
 async def hosts_at_work(

@@ -10,6 +10,7 @@ from server.errors import ConflictError
 from server.logic.fleet.hosts import host_class, identity
 from server.logic.fleet.verdicts import Report
 from server.logic.study.points import instance_id
+from server.operations import check
 from server.operations.fleet import leases
 from server.operations.fleet.exchange import Grant
 from server.operations.study import reruns, studies
@@ -113,7 +114,7 @@ def test_a_study_belongs_to_nobody_once_who_began_it_is_gone_without_a_result(
     assert studies.get(engine, study).state == "complete"
 
 
-def test_results_that_only_say_that_a_worker_fell_silent_bind_a_study_to_no_code(
+def test_what_was_lost_with_other_code_begins_anew_when_workers_bring_another(
     engine: Engine, plan: Drawing, report: Reporting
 ) -> None:
     study = create(engine, plan(rows=1))
@@ -121,9 +122,42 @@ def test_results_that_only_say_that_a_worker_fell_silent_bind_a_study_to_no_code
         gone = lease(engine, OLD, 2, now=attempt * TTL)
         leases.reap(engine, now=(attempt + 1) * TTL, ttl=TTL)
     assert studies.get(engine, study).failures == {"lost": 2}
-    assert len(places(lease(engine, LINUX, 4, now=5 * TTL))) == 2
+    edition = studies.get(engine, study).edition
+    grant = lease(engine, LINUX, 4, now=5 * TTL)
+    assert grant is not None and len(places(grant)) == 4
+    begun = studies.get(engine, study)
+    assert (begun.failures, begun.result_count, begun.leased) == ({}, 0, 4)
+    assert begun.edition > edition, "whoever has read the log begins anew, too"
+    assert check.faults(engine) == []
     assert gone is not None
     assert post(engine, gone, reports(gone, report), now=5 * TTL) == ["conflict"] * 2
+    assert set(post(engine, grant, reports(grant, report), now=5 * TTL)) == {"accepted"}
+    assert studies.get(engine, study).ok_count == 4
+
+
+def test_how_often_instances_were_lost_with_other_code_does_not_count(
+    engine: Engine, plan: Drawing
+) -> None:
+    study = create(engine, plan(rows=1))
+    for attempt in range(8):
+        assert lease(engine, OLD if attempt < 4 else LINUX, 4, now=attempt * TTL)
+        leases.reap(engine, now=(attempt + 1) * TTL, ttl=TTL)
+    assert studies.get(engine, study).failures == {}
+    assert lease(engine, LINUX, 4, now=8 * TTL)
+    leases.reap(engine, now=9 * TTL, ttl=TTL)
+    assert studies.get(engine, study).failures == {"lost": 4}
+
+
+def test_a_study_that_ended_with_nothing_but_losses_runs_again_with_any_code_when_told_to(
+    engine: Engine, plan: Drawing
+) -> None:
+    study = create(engine, plan(rows=1))
+    for attempt in range(5):
+        lease(engine, OLD, 4, now=attempt * TTL)
+        leases.reap(engine, now=(attempt + 1) * TTL, ttl=TTL)
+    assert lease(engine, LINUX, 4, now=5 * TTL) is None
+    reruns.rerun(engine, study, which="failed", outcomes=["lost"], now=5 * TTL)
+    assert len(places(lease(engine, LINUX, 4, now=5 * TTL))) == 4
 
 
 def test_a_late_result_binds_a_study_to_the_code_of_who_was_gone(
