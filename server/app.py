@@ -19,6 +19,7 @@ from server.clocks import Forward, steady
 from server.errors import NotFoundError
 from server.http import problems
 from server.http.compression import Gunzip
+from server.http.encodings import Utf8
 from server.http.guards import MAX_BODY_BYTES, BodyLimit, Guard
 from server.logic.fleet.history import FleetHistory
 from server.logic.fleet.idling import Idle
@@ -116,6 +117,7 @@ def create_app(settings: Settings) -> FastAPI:
     for noun in _NOUNS:
         # As they are: to include them costs every request a second search.
         app.router.routes.extend(noun.router.routes)
+    app.add_middleware(Utf8)
     app.add_middleware(Gunzip, limit=MAX_BODY_BYTES)
     app.add_middleware(BodyLimit, large=settings.session_bytes)
     app.add_middleware(

@@ -167,7 +167,8 @@ def verdict_of(report: bytes, kind: JobKind = JobKind.CLOSE_LOOP) -> str:
     content = parsed(report)
     if flaw_in(content, REPORT_DEPTH) is not None:
         raise ValueError(
-            f"report.json is nested more than {REPORT_DEPTH} deep, or has a number without end"
+            f"report.json is nested more than {REPORT_DEPTH} deep, has a number without end, or "
+            "half of a character"
         )
     if kind == JobKind.INTERPRETATION:
         familiar = content.get("familiar")

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 def flaw_in(
     value: Any, most_levels: int, most_values: float = inf
-) -> Literal["nested", "infinite", "long"] | None:
+) -> Literal["nested", "infinite", "long", "half"] | None:
     """Say why a parsed value cannot be stored as JSON and read by anybody; None if it can.
 
     Args:
@@ -24,6 +24,10 @@ def flaw_in(
             held += len(value)
         if isinstance(value, Mapping):
             held += sum(map(len, value))
+            if not all(map(is_unicode, value)):
+                return "half"
+        elif isinstance(value, str) and not is_unicode(value):
+            return "half"
         # Before it is taken apart, which takes longer than it took to send.
         if held > most_values:
             return "long"
@@ -34,6 +38,17 @@ def flaw_in(
         elif isinstance(value, float) and not isfinite(value):
             return "infinite"
     return None
+
+
+def is_unicode(text: str) -> bool:
+    """Say whether a text has no half of a character, which no database stores."""
+    if text.isascii():
+        return True
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def cut(text: str, length: int) -> str:

@@ -1,6 +1,8 @@
 """What the routes share: where they find the store and the time, and how strictly they read."""
 
 import json
+import re
+from codecs import BOM_UTF8
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from http import HTTPStatus
@@ -17,6 +19,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
 from analysis.json_values import key_twice
+from server.http.encodings import is_json
 from server.logic.conditional_requests import is_known
 from server.logic.fleet.unserved import Patience
 from server.metrics import Metrics
@@ -27,6 +30,15 @@ class Body(BaseModel):
     """A request body: nothing unknown, nothing converted, no NaN and no infinity."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    @classmethod
+    def mended(cls, content: Any) -> Any:
+        """Return what was sent with halves of characters, so that they spoil no more than need be.
+
+        Args:
+            content: as `json.loads` gives it; nothing is known of its shape.
+        """
+        return content
 
 
 def example(**content: Any) -> ConfigDict:
@@ -57,10 +69,10 @@ async def _read(request: Request, kind: type[Body]) -> Body:
     except ClientDisconnect:
         # Nobody hears it, but who leaves in the middle is no failure of the coordinator's.
         raise HTTPException(HTTPStatus.BAD_REQUEST, "the body was cut short") from None
-    if not _is_json(request.headers.get("content-type", "")):
+    if not is_json(request.headers.get("content-type", "")):
         raise RequestValidationError([], body=body)
     try:
-        return kind.model_validate_json(body)
+        return _parsed(body.removeprefix(BOM_UTF8), kind)
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False)
         raise RequestValidationError(
@@ -68,10 +80,24 @@ async def _read(request: Request, kind: type[Body]) -> Body:
         ) from None
 
 
-def _is_json(kind: str) -> bool:
-    """Say whether a Content-Type is JSON's, as FastAPI does of other routes."""
-    family, _, member = kind.partition(";")[0].strip().lower().partition("/")
-    return family == "application" and (member == "json" or member.endswith("+json"))
+def _parsed(body: bytes, kind: type[Body]) -> Body:
+    """Return a body of this kind; ValidationError if it is none.
+
+    Half of a character, which JSON can write and Unicode does not have, is refused where a text is
+    asked for. Where anything may stand, whoever judges that must look.
+    """
+    try:
+        return kind.model_validate_json(body)
+    except ValidationError:
+        if not _HALF.search(body):
+            raise
+        try:
+            content = json.loads(body)
+        except (ValueError, RecursionError):
+            content = None
+        if content is None:
+            raise
+        return kind.model_validate(kind.mended(content))
 
 
 async def no_key_twice(request: Request) -> None:
@@ -88,6 +114,10 @@ async def no_key_twice(request: Request) -> None:
     if twice:
         why = f"the key {twice[0][:80]!r} comes twice in an object: leave out one"
         raise RequestValidationError([{"type": "key_twice", "loc": ("body",), "msg": why}])
+
+
+#: How JSON writes halves of characters: each may be one, or one of the two of a whole character.
+_HALF = re.compile(rb"\\u[dD][89a-fA-F]")
 
 
 class Direct(APIRoute):

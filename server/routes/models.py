@@ -13,6 +13,7 @@ from sqlalchemy.engine import Engine
 
 from models.description import Description
 from models.entries import DescriptionError
+from server.http.encodings import is_json
 from server.logic.tokens import may
 from server.operations import models
 from server.records import ModelVersion
@@ -64,7 +65,7 @@ async def add(
     The same version again is the one already there (200). What cannot be used is refused (422)
     with a sentence, and nothing of it is kept.
     """
-    if request.headers.get("content-type", "").partition(";")[0] == "application/json":
+    if is_json(request.headers.get("content-type", "")):
         description = _described(await request.body())
         by = request.headers.get("x-rehyb-worker", "")[:128]
         announced = await asyncio.to_thread(models.announce, store, description, by=by, now=now)

@@ -8,7 +8,7 @@ from typing import Any
 from analysis.json_values import is_finite_number
 from analysis.sensitivity.records import LARGEST_OUTPUT
 from models.curves import Curve, CurveError, unfolded
-from server.logic.json_values import cut, flaw_in
+from server.logic.json_values import cut, flaw_in, is_unicode
 from server.logic.study.instances import (
     BUDGETS,
     RESERVED,
@@ -44,6 +44,8 @@ class Report:
     reason: Any
     state: Any
     wall_seconds: Any
+    #: A key that no result has; None: there is none.
+    unknown: str | None = None
 
 
 @record
@@ -187,6 +189,11 @@ def fault_in(
 
     The outputs of a failure are ignored: they are not numbers anybody may use.
     """
+    if report.unknown is not None:
+        return (
+            f"a result has no {report.unknown[:40]!r}: it has instance, outcome, outputs, reason, "
+            "state and wall_seconds"
+        )
     ok = report.outcome == _OK
     if not ok and not (isinstance(report.outcome, str) and _OUTCOME.fullmatch(report.outcome)):
         return (
@@ -202,6 +209,8 @@ def fault_in(
         return f"wall_seconds must be a number from 0 to {LONGEST_RUN:g}, or null"
     if report.reason is not None and not isinstance(report.reason, str):
         return "reason must be text, or null"
+    if report.reason and not is_unicode(report.reason):
+        return f"the reason {_HALF}"
     if report.state is not None:
         if not isinstance(report.state, Mapping):
             return "state must be an object, or null"
@@ -254,7 +263,9 @@ def as_result(
     )
 
 
+_HALF = "holds half of a character (a surrogate that is alone): send Unicode"
 _FLAWS = {
+    "half": f"the state {_HALF}",
     "nested": f"the state is nested more than {STATE_DEPTH} deep",
     "infinite": "the state holds a number that is not finite: send null instead",
     "long": f"the state holds more than {STATE_VALUES:,} values and characters",

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import APIRouter, HTTPException, Request, Response
 from fastapi.responses import StreamingResponse
-from pydantic import Field, StringConstraints
+from pydantic import ConfigDict, Field, StringConstraints
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.datastructures import State
 
 from analysis.files.parquet import parquet
 from analysis.files.results_csv import columns
 from server.logic.fleet.verdicts import Judgement, Report
+from server.logic.json_values import is_unicode
 from server.logic.study.table import lines
 from server.metrics import Metrics
 from server.operations.fleet import results
@@ -49,6 +50,9 @@ CHUNK = 500
 
 class ResultBody(Body):
     """One result; its values are judged one result at a time, so that one cannot spoil all."""
+
+    # A key that nobody knows is a fault of that result alone, too.
+    model_config = ConfigDict(extra="allow", json_schema_extra={"additionalProperties": False})
 
     instance: Short
     #: "ok", or a name of a failure.
@@ -92,6 +96,23 @@ class ResultsBody(Body):
     results: list[ResultBody] = Field(min_length=1, max_length=1000)
     #: Instances wanted next, as at /v1/leases: the answer brings them along.
     next: LeaseBody | None = None
+
+    @classmethod
+    def mended(cls, content: Any) -> Any:
+        """Write keys and instances of results so that they are text, though none that is known."""
+        if not isinstance(content, dict) or not isinstance(content.get("results"), list):
+            return content
+        return {**content, "results": [_mended(one) for one in content["results"]]}
+
+
+def _mended(result: Any) -> Any:
+    if not isinstance(result, dict):
+        return result
+    whole = {key if is_unicode(key) else ascii(key): value for key, value in result.items()}
+    name = whole.get("instance")
+    if isinstance(name, str) and not is_unicode(name):
+        whole["instance"] = ascii(name)
+    return whole
 
 
 async def post(body: ResultsBody, request: Request) -> Response:
@@ -161,7 +182,10 @@ async def _exchanged(state: State, exchange: Exchange) -> Answer:
 
 def _posted(body: ResultsBody, settings: Settings) -> Post:
     return Post(
-        reports=[Report(**vars(result)) for result in body.results],
+        reports=[
+            Report(**vars(result), unknown=next(iter(result.model_extra or ()), None))
+            for result in body.results
+        ],
         lease=body.lease,
         fence=body.fence,
         worker=body.worker,

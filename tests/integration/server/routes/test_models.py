@@ -334,6 +334,12 @@ def test_ten_thousand_factors_are_refused(client: TestClient) -> None:
     assert client.post("/v1/models", content=b"{", headers={"Content-Type": "application/json"})
 
 
+def test_a_description_of_any_type_that_is_json_is_no_zip_file(client: TestClient) -> None:
+    for kind in ("application/vnd.x+json", "Application/JSON"):
+        answer = client.post("/v1/models", content=b"{}", headers={"Content-Type": kind})
+        assert answer.json()["detail"] == "model.name: is missing"
+
+
 def test_a_curve_is_asked_for_sent_stored_and_read_as_one(client: TestClient, app: FastAPI) -> None:
     wave = {"name": "wave", "unit": "Nm", "curve": 3, "over": "time", "over_unit": "s", "high": 2.0}
     model = announced(outputs=[{"name": "y", "unit": "1"}, wave])

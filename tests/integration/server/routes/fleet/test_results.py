@@ -181,11 +181,62 @@ def test_one_refusal_makes_it_409_but_the_good_ones_are_taken(
     assert client.get(f"/v1/studies/{study['id']}/progress").json()["ok"] == 1
 
 
+def test_half_a_character_and_an_unknown_key_spoil_no_other_result(
+    client: TestClient, lease: Json, study: Json
+) -> None:
+    a, b, c, d, e, f = lease["instances"]
+    spoilt = [
+        result(a, reason="\ud800"),
+        result(b, reason="\U0001d516, which JSON writes as two halves"),
+        result(c, outcome="slipped", state={"where": ["\udc00"]}),
+        result(d, outcome="slipped", state={"\ud800": 1}),
+        result(e, seconds=0.1),
+        result(f, **{"\ud800": 1}),
+        result({"id": "\ud800"}),
+    ]
+    answer = client.post(
+        "/v1/results",
+        content=json.dumps(posting(lease, spoilt)),
+        headers={"Content-Type": "application/json"},
+    )
+    assert answer.status_code == 409
+    verdicts = answer.json()["verdicts"]
+    assert [v["verdict"] for v in verdicts] == ["invalid", "accepted", *["invalid"] * 4, "unknown"]
+    assert "holds half of a character" in verdicts[0]["detail"]
+    assert "'seconds'" in verdicts[4]["detail"] and r"\ud800" in verdicts[5]["detail"]
+    assert client.get(f"/v1/studies/{study['id']}/progress").json()["ok"] == 1
+    # Where a text is asked for, the request says where.
+    who = asking(worker={"id": "\ud800", "host": "h", "versions": {}})
+    refused = client.post(
+        "/v1/leases", content=json.dumps(who), headers={"Content-Type": "application/json"}
+    )
+    assert is_problem(refused, 422)["errors"][0]["pointer"] == "/worker/id"
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])
+def test_json_that_is_not_in_utf_8_is_told_so_at_every_route(
+    client: TestClient, lease: Json, encoding: str
+) -> None:
+    bodies: dict[str, Json] = {
+        "/v1/results": posting(lease, [result(lease["instances"][0])]),
+        "/v1/leases": asking(),
+        "/v1/studies": STUDY,
+        "/v1/models": {},
+    }
+    for path, body in bodies.items():
+        for kind in ("application/json", f"application/vnd.x+json; charset={encoding}"):
+            sent = json.dumps(body).encode(encoding)
+            answer = client.post(path, content=sent, headers={"Content-Type": kind})
+            said = is_problem(answer, 415)["detail"]
+            assert said == f"the body is in {encoding[:6].upper()}: send JSON in UTF-8", path
+
+
 @pytest.mark.parametrize(
     ("kind", "status"),
     [
         ("application/json", 200),
         ("application/JSON; charset=utf-8", 200),
+        ("application/vnd.x+json", 200),
         ("text/plain", 415),
         ("", 415),
     ],
@@ -194,7 +245,9 @@ def test_results_are_taken_if_they_are_called_json(
     client: TestClient, lease: Json, kind: str, status: int
 ) -> None:
     text = json.dumps(posting(lease, [result(lease["instances"][0])]))
-    response = client.post("/v1/results", content=text, headers={"Content-Type": kind})
+    # Windows writes a mark before it.
+    sent = text.encode("utf-8-sig")
+    response = client.post("/v1/results", content=sent, headers={"Content-Type": kind})
     assert response.status_code == status
     if status == 415:
         assert "send application/json" in response.json()["detail"]
