@@ -6,13 +6,15 @@ import secrets
 import shlex
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from rehyb.client import Client, Json
 from rehyb.errors import FleetError, ServerError, Unreachable
 from rehyb.pilots.engines import Engine, JobState
-from rehyb.pilots.marks import TOUCH_SECONDS, Marks
+from rehyb.pilots.job import ENVIRONMENT, JOB, MARKS, TICKETS, digits, script
+from rehyb.pilots.marks import Marks
 from rehyb.pilots.scaling import Work, head_start, may_start, step
 from rehyb.pilots.settings import Settings
 from rehyb.whole_files import whole_file
@@ -29,54 +31,6 @@ SHORT_LIFE_SECONDS, SHORT_LIVES = 10.0, 5
 REFUSED_SECONDS = 30.0
 #: A batch system's list that lacks a job has ended it if it does so for so many seconds.
 MISSING_SECONDS = 60.0
-#: What is in a keeper's folder; TICKETS is a folder with a file for each pilot that is wanted, and
-#: MARKS one with a file for each that is there.
-ENVIRONMENT, TICKETS, MARKS, JOB = "environment", "tickets", "marks", "pilot.sh"
-
-#: What a job runs. A worker is asked to drain by a file that goes, in every batch system alike: not
-#: each of them passes signals on, and some kill soon after. Who has no ticket is not counted: a
-#: batch system may take a job and say that it did not.
-_JOB = """#!/bin/sh
-# Written by rehyb pilots.
-# $1: its ticket; $2: seconds to wait; the rest: what the worker is told besides.
-cd {folder} || exit 1
-. ./{environment}
-ticket={tickets}/$1
-mark={marks}/$1
-sleep "$2"
-shift 2
-# Opened, since a network's folder may be remembered as it was.
-wanted() {{ true < "$ticket"; }} 2>/dev/null
-beats=0
-beat() {{
-    beats=$((beats + 1))
-    [ $((beats % {touch})) -ne 0 ] || touch "$mark" 2>/dev/null
-    sleep 1
-}}
-# First the mark: who takes the ticket away and finds no mark knows that this one will not work.
-trap 'rm -f "$mark"' EXIT
-touch "$mark" 2>/dev/null
-wanted || exit 0
-{worker} "$@" &
-worker=$!
-leave() {{
-    trap '' TERM INT
-    kill -TERM "$worker" 2>/dev/null
-    while kill -0 "$worker" 2>/dev/null; do beat; done
-    wait "$worker"
-    exit
-}}
-trap leave TERM INT
-while kill -0 "$worker" 2>/dev/null; do
-    wanted || leave
-    beat
-done
-wait "$worker"
-status=$?
-# It left by itself: whoever was told to may be queued again by the batch system, and needs it then.
-rm -f "$ticket"
-exit "$status"
-"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +105,7 @@ class Keeper:
             file.write(text)
         # Shells read a script as they go on: what they have begun must stay what it was.
         with whole_file(self.folder / JOB) as draft:
-            draft.write_text(self._script())
+            draft.write_text(script(self.settings, self.folder))
         self._withdraw_tickets()
 
     @property
@@ -166,7 +120,8 @@ class Keeper:
             FleetError: pilots end at once, again and again.
             Unauthorized: the coordinator refuses the token.
         """
-        trouble = self._note_ended(now)
+        gone = self._mend()
+        trouble = gone or self._note_ended(now)
         leaving = len(self._leaving())
         try:
             told = self.client.work(self.group)
@@ -174,7 +129,7 @@ class Keeper:
             # Pilots keep what they have; none is started for nobody knows what.
             return self._status(self._work, len(self.jobs), str(error))
         self._work = work = Work(waiting=told["waiting"], under_way=told["under_way"])
-        settings, quiet = self.settings, now < self._silent_until
+        settings, quiet = self.settings, bool(gone) or now < self._silent_until
         room = may_start(self._starts, now=now, a_minute=settings.starts_a_minute)
         next_step = step(
             work,
@@ -230,10 +185,10 @@ class Keeper:
 
     def _submit(self, number: int, now: float) -> None:
         standing = len(self._standing) < self.settings.minimum
-        idle = "" if standing else f" --max-idle {self.settings.idle:g}"
-        script = shlex.quote(str(self.folder / JOB))
+        idle = "" if standing else f" --max-idle {digits(self.settings.idle)}"
+        path = shlex.quote(str(self.folder / JOB))
         ticket = self.folder / TICKETS / secrets.token_hex(8)
-        command = f"sh {script} {ticket.name} {head_start(number):g}{idle}"
+        command = f"sh {path} {ticket.name} {head_start(number):g}{idle}"
         try:
             ticket.touch()
             job = self.engine.submit(command, "rehyb-pilot")
@@ -250,25 +205,29 @@ class Keeper:
             self._standing.add(job)
         log.info("submitted pilot %s", job)
 
-    def _script(self) -> str:
-        settings = self.settings
-        worker = (
-            f"{settings.worker} --processes {settings.cores} --lifetime {settings.lifetime:g} "
-            f"--instance-seconds {settings.instance:g}"
-        )
-        folder = shlex.quote(str(self.folder))
-        return _JOB.format(
-            folder=folder,
-            environment=ENVIRONMENT,
-            tickets=TICKETS,
-            marks=MARKS,
-            touch=TOUCH_SECONDS,
-            worker=worker,
-        )
+    def _mend(self) -> str:
+        """Make anew what somebody removed; return what is wrong if it cannot be made."""
+        tickets = self.folder / TICKETS
+        try:
+            self._marks.make()
+            if not tickets.is_dir():
+                tickets.mkdir()
+                # Who works has seen it, and leaves; who waits need not.
+                for job, state in self.jobs.items():
+                    if state == JobState.WAITING:
+                        self._tickets[job].touch()
+            (self.folder / JOB).stat()
+        except OSError:
+            return (
+                f"{self.folder} is gone or not whole, without which no pilot works: "
+                "start rehyb pilots again"
+            )
+        return ""
 
     def _withdraw_tickets(self) -> None:
-        for ticket in (self.folder / TICKETS).iterdir():
-            ticket.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):
+            for ticket in (self.folder / TICKETS).iterdir():
+                ticket.unlink(missing_ok=True)
 
     def _cancel(self, jobs: Iterable[str]) -> None:
         chosen = list(jobs)

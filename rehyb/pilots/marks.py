@@ -23,6 +23,14 @@ class Marks:
     #: When a mark was last touched by its own account, and when that was seen, in seconds.
     _seen: dict[str, tuple[int, float]] = field(default_factory=dict)
     _gone: set[str] = field(default_factory=set)
+    #: Whose marks somebody removed with the folder; their pilots make them again.
+    _removed: set[str] = field(default_factory=set)
+
+    def make(self) -> None:
+        """Make the folder if it is not there; OSError if that cannot be."""
+        if not self.folder.is_dir():
+            self.folder.mkdir()
+            self._removed |= self._seen.keys()
 
     def look(self, now: float) -> None:
         """Read the marks; a folder that is away says nothing.
@@ -34,7 +42,8 @@ class Marks:
             names = [path.name for path in self.folder.iterdir()]
         except OSError:
             return
-        for name in self._seen.keys() - set(names):
+        self._removed -= set(names)
+        for name in self._seen.keys() - set(names) - self._removed:
             del self._seen[name]
             self._gone.add(name)
         for name in names:
@@ -60,6 +69,7 @@ class Marks:
     def remove(self, name: str) -> None:
         """Forget a pilot; if it is there after all, it touches its mark again."""
         self._gone.discard(name)
+        self._removed.discard(name)
         self._seen.pop(name, None)
         (self.folder / name).unlink(missing_ok=True)
 

@@ -18,6 +18,8 @@ AROUND_SECONDS = 30.0
 LONGEST = 366 * 86400.0
 #: No machine has as many cores, and no site as many pilots.
 MOST = 100_000
+#: Seconds of an instance below which a worker does not start (`worker.cli`).
+SHORTEST_INSTANCE = 0.1
 #: A worker needs so long to say goodbye (`worker.cli` refuses a shorter life).
 SHORTEST_LIFE = 10.0
 
@@ -111,6 +113,11 @@ def _value(name: str, value: Any) -> Any:
         found = seconds(str(value), name)
         if found > LONGEST:
             raise Invalid(f"{name} is a year at most, not {str(value)[:40]!r}")
+        if name == "instance" and found < SHORTEST_INSTANCE:
+            raise Invalid(
+                f"instance is {SHORTEST_INSTANCE:g} s at least, or each would be killed as it "
+                f"begins, not {str(value)[:40]!r}"
+            )
         return found
     if name in _COUNTS:
         least = _COUNTS[name]

@@ -9,7 +9,8 @@ import httpx2
 from rehyb.client import Client
 from rehyb.errors import FleetError
 from rehyb.pilots.engines import JobState
-from rehyb.pilots.keeper import TICKETS, Keeper
+from rehyb.pilots.job import TICKETS
+from rehyb.pilots.keeper import Keeper
 from rehyb.pilots.settings import checked
 
 WAITING, RUNNING, ENDED = JobState.WAITING, JobState.RUNNING, JobState.ENDED

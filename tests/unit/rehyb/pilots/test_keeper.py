@@ -1,6 +1,7 @@
 """Pilots come with work, go without it, and none works that nobody counts."""
 
 import os
+import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -8,9 +9,11 @@ from pathlib import Path
 import httpx2
 import pytest
 
+from rehyb.durations import seconds
 from rehyb.errors import FleetError
 from rehyb.pilots.engines import JobState
-from rehyb.pilots.keeper import ENVIRONMENT, JOB, SHORT_LIVES
+from rehyb.pilots.job import ENVIRONMENT, JOB, TICKETS
+from rehyb.pilots.keeper import SHORT_LIVES
 from tests.testbed.batch import Site, ticket
 from tests.testbed.command import Run
 
@@ -39,6 +42,17 @@ def test_only_pilots_beyond_the_minimum_leave_when_idle(tmp_path: Path) -> None:
     site.keeper.look(0.0)
     standing, other = site.batch.commands
     assert "--max-idle" not in standing and other.endswith("--max-idle 60")
+
+
+def test_a_worker_is_told_times_as_it_takes_them(tmp_path: Path) -> None:
+    site = Site(tmp_path, walltime="20d", instance="0.1s", idle="30d")
+    site.work = {"waiting": 4, "under_way": 0}
+    site.keeper.look(0.0)
+    script = (tmp_path / JOB).read_text()
+    lifetime = script.partition("--lifetime ")[2].split()[0]
+    assert seconds(lifetime, "lifetime") == 20 * 86400.0 - 30.0
+    assert "--instance-seconds 0.1 " in script
+    assert site.batch.commands[0].endswith("--max-idle 2592000")
 
 
 def test_a_coordinator_that_is_away_changes_nothing(site: Site) -> None:
@@ -141,6 +155,32 @@ def test_a_pilot_that_the_batch_system_took_though_it_refused_is_not_wanted(site
     site.batch.refuses = ""
     site.keeper.look(31.0)
     assert site.tickets() == [ticket(site.batch.commands[1])]
+
+
+def test_a_folder_of_tickets_that_vanished_is_made_anew_for_those_that_wait(site: Site) -> None:
+    site.work = {"waiting": 12, "under_way": 0}
+    site.keeper.look(0.0)
+    site.batch.jobs["0"] = RUNNING
+    site.keeper.look(1.0)
+    shutil.rmtree(site.keeper.folder / TICKETS)
+    status = site.keeper.look(2.0)
+    assert (status.trouble, status.submitted) == ("", 3)
+    assert site.tickets() == sorted(map(ticket, site.batch.commands[1:]))
+    # It has seen that it is not wanted, and leaves.
+    site.batch.jobs["0"] = ENDED
+    assert site.keeper.look(3.0).submitted == 4
+    shutil.rmtree(site.keeper.folder / TICKETS)
+    site.batch.jobs = dict.fromkeys(site.batch.jobs, ENDED)
+    site.keeper.drain(lambda _: None, lambda _: None)
+
+
+def test_without_its_folder_no_pilot_is_started_and_what_to_do_is_said(site: Site) -> None:
+    site.work = {"waiting": 12, "under_way": 0}
+    shutil.rmtree(site.keeper.folder)
+    status = site.keeper.look(0.0)
+    assert status.submitted == 0
+    assert status.trouble.endswith("without which no pilot works: start rehyb pilots again")
+    site.keeper.drain(lambda _: None, lambda _: None)
 
 
 def test_a_batch_system_that_cancels_nothing_is_left_alone_for_a_while(site: Site) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from rehyb.pilots.engines import JobState
-from rehyb.pilots.keeper import JOB, MARKS, MISSING_SECONDS, TICKETS
+from rehyb.pilots.job import JOB, MARKS, TICKETS
+from rehyb.pilots.keeper import MISSING_SECONDS
 from rehyb.pilots.marks import STALE_SECONDS
 from tests.testbed.batch import Site, ticket
 

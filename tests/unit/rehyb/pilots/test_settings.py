@@ -50,6 +50,7 @@ def test_what_is_no_time_is_refused(text: str) -> None:
             "walltime is a year at most, not '99999999999999999999h'",
         ),
         ({"idle": "9" * 400 + "h"}, "idle is a year at most, not '9999"),
+        ({"instance": "0.01s"}, "instance is 0.1 s at least, .* not '0.01s'"),
         ({"worker": ""}, "worker is '': it is the command of a worker on one line"),
         ({"worker": "w\nrm -rf x"}, "what comes before it is said as `before`"),
         ({"worker": "'unclosed"}, "on one line, .* and this one has No closing quotation"),
