@@ -12,6 +12,7 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as NoConnectionError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from server.errors import (
     BadFileError,
@@ -95,6 +96,12 @@ def install(app: FastAPI) -> None:
             # FastAPI read a body and does not say what was wrong.
             return _not_taken([_entry("", f"the body is not JSON: {_flaw(error.__cause__)}")])
         return problem(error.status_code, str(error.detail), headers=error.headers)
+
+    @app.exception_handler(ClientDisconnect)
+    def left(_request: Request, _error: Exception) -> JSONResponse:
+        # Nobody hears it, but who leaves in the middle, or was sent away since it was too slow, is
+        # no failure of the coordinator's.
+        return problem(HTTPStatus.BAD_REQUEST, "the body was cut short")
 
     @app.exception_handler(DBAPIError)
     @app.exception_handler(NoConnectionError)

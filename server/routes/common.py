@@ -8,14 +8,13 @@ from contextlib import suppress
 from http import HTTPStatus
 from typing import Annotated, Any, get_type_hints
 
-from fastapi import Depends, Header, HTTPException, Path, Request, Response
+from fastapi import Depends, Header, Path, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import StreamingResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
 from pydantic_core import to_json
 from sqlalchemy.engine import Engine
-from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
 from analysis.json_values import key_twice
@@ -64,11 +63,7 @@ async def _moment(request: Request) -> Any:
 
 async def _read(request: Request, kind: type[Body]) -> Body:
     """Return a request's body; RequestValidationError if it is no JSON of this kind."""
-    try:
-        body = await request.body()
-    except ClientDisconnect:
-        # Nobody hears it, but who leaves in the middle is no failure of the coordinator's.
-        raise HTTPException(HTTPStatus.BAD_REQUEST, "the body was cut short") from None
+    body = await request.body()
     if not is_json(request.headers.get("content-type", "")):
         raise RequestValidationError([], body=body)
     try:

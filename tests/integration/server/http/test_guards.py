@@ -64,22 +64,28 @@ def test_supervisors_need_no_token(client: TestClient, app: FastAPI) -> None:
     assert "newer version" in client.get("/readyz").json()["detail"]
 
 
+@pytest.mark.parametrize("kind", [b"application/zip", b"multipart/form-data; boundary=x", b""])
+@pytest.mark.parametrize(
+    "path", ["/v1/results", "/v1/sessions", "/v1/models", "/v1/analyses", "/v1/studies"]
+)
 def test_who_leaves_in_the_middle_of_a_body_is_no_failure_of_the_coordinator(
-    client: TestClient, app: FastAPI
+    client: TestClient, app: FastAPI, path: str, kind: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     sent: list[Message] = []
+    begun: list[Message] = [{"type": "http.request", "body": b"--x\r\nC", "more_body": True}]
 
     async def receive() -> Message:
-        return {"type": "http.disconnect"}
+        return begun.pop() if begun else {"type": "http.disconnect"}
 
     async def send(message: Message) -> None:
         sent.append(message)
 
-    head = [(b"authorization", b"Bearer correct-horse")]
-    scope = {"type": "http", "method": "POST", "path": "/v1/results", "query_string": b""}
+    head = [(b"authorization", b"Bearer correct-horse"), (b"content-type", kind)]
+    scope = {"type": "http", "method": "POST", "path": path, "query_string": b""}
     assert client.portal is not None
     client.portal.call(app, {**scope, "headers": head}, receive, send)
     assert sent[0]["status"] == 400
+    assert "failed" not in caplog.text
 
 
 def test_a_body_that_says_it_is_too_large_is_refused(client: TestClient) -> None:
