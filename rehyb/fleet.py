@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO, Self
 
 from models.tokens import usable
-from rehyb.errors import FleetError
+from rehyb.errors import FleetError, Invalid
 
 #: What `rehyb coordinator` prints once it accepts connections.
 LISTENING = re.compile(r"^listening on (https?://\S+:(\d+))", re.MULTILINE)
@@ -25,6 +25,8 @@ START_SECONDS = 60.0
 #: Seconds for what runs to finish, and then for what is cut short to end.
 STOP_SECONDS = 8.0
 CUT_SHORT_SECONDS = 4.0
+#: Status of a command that was told something impossible.
+MISUSED = 2
 #: A process that dies this often within so many seconds will not be better for another start.
 DEATHS = 5
 DEATHS_SECONDS = 60.0
@@ -97,7 +99,7 @@ class LocalFleet:
         """Restart what has died; to be called every second or so.
 
         Raises:
-            FleetError: a process dies again and again.
+            FleetError: a process dies again and again; it says how the last one ended.
         """
         for process in self._processes:
             process.revive()
@@ -192,7 +194,7 @@ class _Process:
         if len(self._deaths) == DEATHS and now - self._deaths[0] < DEATHS_SECONDS:
             raise FleetError(
                 f"the {self.name} died {DEATHS} times within {DEATHS_SECONDS:g} s, "
-                f"last with {self._last_line()}"
+                f"last {self._how_it_ended()} and with {self._last_line()}"
             )
         self._popen = self._started()
 
@@ -208,7 +210,9 @@ class _Process:
             if match := pattern.search(written):
                 return match
             if ended:
-                raise FleetError(f"the {self.name} did not start: {self._last_line()}")
+                # It says so of what it was told, which is what this fleet was told.
+                kind = Invalid if self._popen.returncode == MISUSED else FleetError
+                raise kind(f"the {self.name} did not start: {self._last_line()}")
             if waits := WAITING.search(written):
                 deadline = time.monotonic() + seconds
                 if waits[1] != told:
@@ -236,6 +240,10 @@ class _Process:
         with self._log.open("rb") as log:
             log.seek(self._log_start)
             return log.read().decode(errors="replace")
+
+    def _how_it_ended(self) -> str:
+        status = self._popen.returncode
+        return f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
 
     def _last_line(self) -> str:
         lines = [line for line in self._written().splitlines() if line.strip()]

@@ -4,7 +4,7 @@ import ssl
 from pathlib import Path
 from typing import Literal, Self
 
-from pydantic import Field, SecretStr, field_validator, model_validator
+from pydantic import Field, SecretStr, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from models.tokens import usable
@@ -24,29 +24,44 @@ class Settings(BaseSettings):
     #: Address to listen on.
     host: str = "127.0.0.1"
     #: Port to listen on; 0 takes any free one.
-    port: int = Field(default=8787, ge=0, le=65535)
+    port: int = Field(default=8787, ge=0, le=65535, description="a whole number up to 65535")
     #: Seconds a lease lasts unless its worker is heard from.
-    lease_seconds: float = Field(default=60.0, gt=0.0, le=86400.0)
+    lease_seconds: float = Field(
+        default=60.0,
+        gt=0.0,
+        le=86400.0,
+        description="seconds, a number above 0 and 86400 at most, as 60",
+    )
 
     #: "full": nothing that a worker was told is safe is lost with the power; "normal": with SQLite,
     #: and with a PostgreSQL whose synchronous_commit is off, the last moments may be, and are
     #: computed again.
-    durability: Literal["normal", "full"] = "normal"
+    durability: Literal["normal", "full"] = Field(default="normal", description="normal or full")
 
     #: Seconds that a begun row waits for its kind of machine before another begins it anew.
-    stranded_seconds: float = Field(default=3600.0, gt=0.0)
+    stranded_seconds: float = Field(
+        default=3600.0, gt=0.0, description="seconds, a number above 0, as 3600"
+    )
 
     #: Share of the results that another host computes again; 0: none.
-    recompute_share: float = Field(default=0.01, ge=0.0, le=1.0)
+    recompute_share: float = Field(
+        default=0.01, ge=0.0, le=1.0, description="a number from 0 to 1, as 0.01"
+    )
     #: Relative difference of an output at which two hosts still agree. Machines of one kind agree
     #: to the last bit; between kinds, gaining or losing a contact amplifies the last bits.
-    recompute_tolerance: float = Field(default=1e-3, ge=0.0, allow_inf_nan=False)
+    recompute_tolerance: float = Field(
+        default=1e-3, ge=0.0, allow_inf_nan=False, description="a number from 0 on, as 0.001"
+    )
 
     #: Largest zip file of a measured session, bytes; and of what closing the loop on it finds.
-    session_bytes: int = Field(default=200_000_000, ge=1_000)
+    session_bytes: int = Field(
+        default=200_000_000, ge=1_000, description="bytes, a whole number from 1000 on"
+    )
 
     #: The least of what is logged.
-    log_level: Literal["debug", "info", "warning", "error"] = "warning"
+    log_level: Literal["debug", "info", "warning", "error"] = Field(
+        default="warning", description="debug, info, warning or error"
+    )
     #: Files with a certificate and its key (PEM): with both, the coordinator speaks TLS only.
     tls_certificate: str | None = None
     tls_key: str | None = None
@@ -66,6 +81,19 @@ class Settings(BaseSettings):
         if not found:
             raise ValueError("set it to a secret that every request to /v1 must bear")
         return SecretStr(found)
+
+
+def objection(error: ValidationError) -> str:
+    """Say in a sentence what is wrong with a setting, and what would be right."""
+    fault = error.errors()[0]
+    if not fault["loc"]:
+        # What concerns several settings has no place of its own, and names them itself.
+        return fault["msg"].removeprefix("Value error, ")
+    field = str(fault["loc"][0])
+    name, right = f"REHYB_{field}".upper(), Settings.model_fields[field].description
+    if right is None:
+        return f"{name}: {fault['msg'].removeprefix('Value error, ')}"
+    return f"{name} must be {right}, not {str(fault['input'])[:40]!r}"
 
 
 def _check_tls(certificate: str, key: str) -> None:

@@ -102,15 +102,12 @@ def coordinator() -> None:
         from pydantic import ValidationError
 
         from server.run import serve
-        from server.settings import Settings
+        from server.settings import Settings, objection
 
     try:
         settings = Settings()
     except ValidationError as error:
-        fault = error.errors()[0]
-        # What concerns several settings has no place of its own, and names them itself.
-        name = f"REHYB_{fault['loc'][0]}: ".upper() if fault["loc"] else ""
-        raise Invalid(f"{name}{fault['msg'].removeprefix('Value error, ')}") from None
+        raise Invalid(objection(error)) from None
     with in_one_sentence():
         serve(settings)
 

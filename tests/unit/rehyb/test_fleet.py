@@ -1,12 +1,13 @@
 """A fleet keeps its token to its owner, and patience with a coordinator that waits."""
 
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
-from rehyb.errors import FleetError
-from rehyb.fleet import LISTENING, LocalFleet, _Process
+from rehyb.errors import FleetError, Invalid
+from rehyb.fleet import DEATHS, LISTENING, LocalFleet, _Process
 
 
 def test_a_token_is_made_once_and_is_for_its_owner_only(tmp_path: Path) -> None:
@@ -57,3 +58,31 @@ def test_only_the_time_that_a_coordinator_itself_takes_to_start_is_limited(
         process.kill()
     waits = "the database is away, and waited for: its server does not answer; Ctrl-C gives up"
     assert told == [waits]
+
+
+@pytest.mark.parametrize(
+    ("ends", "how"),
+    [
+        ("import os; os.kill(os.getpid(), 9)", "by SIGKILL and with no word"),
+        ("import sys; sys.exit('out of luck')", "with status 1 and with out of luck"),
+    ],
+)
+def test_a_process_that_dies_again_and_again_ends_the_fleet_which_says_how_it_died(
+    tmp_path: Path, ends: str, how: str
+) -> None:
+    process = _Process("worker-1", [sys.executable, "-S", "-c", ends], {}, tmp_path / "l" / "w")
+    deadline = time.monotonic() + 20.0
+    with pytest.raises(FleetError, match=f"the worker-1 died {DEATHS} times .*, last {how} "):
+        while time.monotonic() < deadline:
+            process.revive()
+            time.sleep(0.01)
+
+
+@pytest.mark.parametrize(("status", "kind"), [(2, Invalid), (1, FleetError)])
+def test_a_coordinator_that_was_told_something_impossible_is_no_failure_but_a_mistake(
+    tmp_path: Path, status: int, kind: type[Exception]
+) -> None:
+    ends = f"import sys; print('rehyb: no'); sys.exit({status})"
+    process = _Process("coordinator", [sys.executable, "-S", "-c", ends], {}, tmp_path / "l" / "c")
+    with pytest.raises(kind, match="the coordinator did not start: rehyb: no"):
+        process.wait_for(LISTENING, 20.0, lambda _: None)

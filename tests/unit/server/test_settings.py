@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from server.settings import Settings
+from server.settings import Settings, objection
 
 
 @pytest.fixture(autouse=True)
@@ -50,6 +50,41 @@ def test_settings_out_of_range_are_refused(
     monkeypatch.setenv(f"REHYB_{name}", value)
     with pytest.raises(ValidationError):
         Settings()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        (
+            "LEASE_SECONDS",
+            "nan",
+            "REHYB_LEASE_SECONDS must be seconds, a number above 0 and 86400 at most, as 60, not "
+            "'nan'",
+        ),
+        ("PORT", "http", "REHYB_PORT must be a whole number up to 65535, not 'http'"),
+        (
+            "RECOMPUTE_SHARE",
+            "",
+            "REHYB_RECOMPUTE_SHARE must be a number from 0 to 1, as 0.01, not ''",
+        ),
+        ("TOKEN", "", "REHYB_TOKEN: set it to a secret that every request to /v1 must bear"),
+        ("TLS_KEY", "k", "TLS needs both REHYB_TLS_CERTIFICATE and REHYB_TLS_KEY"),
+    ],
+)
+def test_what_is_wrong_with_a_setting_is_a_sentence_that_says_what_is_right(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: str, sentence: str
+) -> None:
+    monkeypatch.setenv("REHYB_TOKEN", "hush")
+    monkeypatch.setenv(f"REHYB_{name}", value)
+    with pytest.raises(ValidationError) as refused:
+        Settings()
+    assert objection(refused.value) == sentence
+
+
+def test_what_a_setting_of_numbers_and_words_must_be_is_said_of_each() -> None:
+    free = {"database_url", "token", "host", "tls_certificate", "tls_key"}
+    said = {name for name, field in Settings.model_fields.items() if field.description}
+    assert said == Settings.model_fields.keys() - free
 
 
 def test_the_token_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
