@@ -11,7 +11,7 @@ from random import Random
 from typing import Any
 
 from rehyb.client import Client
-from rehyb.errors import Conflict, NotFound
+from rehyb.errors import Conflict, Invalid, NotFound
 from worker.backoff import without_work
 
 log = logging.getLogger(__name__)
@@ -184,6 +184,12 @@ class Leases:
             self.take(self.client.lease(**request), None, now)
         except Conflict as error:
             self.take(None, str(error), now)
+        except Invalid:
+            if "at_most" not in request:
+                raise
+            # An older coordinator knows one size for all models: that of the dearest.
+            fewest = min(request["at_most"].values())
+            self.ask({**_without(request, "at_most"), "max_instances": fewest}, now)
 
     def take(self, granted: Mapping[str, Any] | None, ineligible: str | None, now: float) -> None:
         """Queue the instances of a new lease; wait for a while if there is none.
@@ -289,6 +295,10 @@ class Leases:
         for lease in self._held:
             lease.given_up |= bool(lease.open)
             lease.open.clear()
+
+
+def _without(request: LeaseRequest, name: str) -> dict[str, Any]:
+    return {key: value for key, value in request.items() if key != name}
 
 
 def lease_size(seconds_each: float | None, processes: int, batch: int) -> int:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from rehyb.errors import Conflict
+from rehyb.errors import Conflict, Invalid
 from worker.leases import LAST_WORDS_SECONDS, Leases, bundle_size, fitting, lease_size
 
 
@@ -247,6 +247,34 @@ def test_of_a_dear_model_no_more_is_asked_for_because_a_cheap_one_was_computed_b
     leases.models = lambda _: {"dear": ""}
     asked = leases.request(0.0)
     assert asked is not None and "at_most" not in asked and asked["max_instances"] == 1
+
+
+def test_a_coordinator_that_knows_one_size_only_is_asked_for_that_of_the_dearest_model(
+    leases: Leases, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    leases.left, leases.models = None, lambda _: {"m": "", "dear": ""}
+    granted(leases)
+    leases.finish(leases.queue.popleft(), 0.0)
+    asked: list[dict[str, Any]] = []
+
+    def strict(self: Any, **request: Any) -> dict[str, Any] | None:
+        asked.append(request)
+        if "at_most" in request:
+            raise Invalid("extra inputs are not permitted")
+        return None
+
+    monkeypatch.setattr(Coordinator, "lease", strict)
+    granted(leases)
+    assert [one["max_instances"] for one in asked] == [10, 3]
+    # What it refuses for another reason is nobody's to hide.
+    monkeypatch.setattr(leases, "models", lambda _: {"m": ""})
+
+    def refuse(self: Any, **request: Any) -> None:
+        raise Invalid("no")
+
+    monkeypatch.setattr(Coordinator, "lease", refuse)
+    with pytest.raises(Invalid, match="no"):
+        granted(leases, now=1e9)
 
 
 def test_a_child_gets_no_dear_instances_behind_cheap_ones(
