@@ -9,6 +9,8 @@ from enum import StrEnum
 SCHEMA = 1
 #: What a report consists of, in the order in which it is written.
 REPORT_FILES = ("report.json", "report.html", "model_after.xml", "residuals.csv")
+#: Share of intervals in a report that hold.
+CONFIDENCE = 0.9
 
 
 class Verdict(StrEnum):

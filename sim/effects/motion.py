@@ -1,6 +1,6 @@
 """What a law is told of its joint: one instant of a simulation, or a whole recording."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import tanh
@@ -112,15 +112,15 @@ class Recording(Protocol):
     def weight(self, joint: int) -> np.ndarray:
         """Return what holds the joint in one m/s2 of gravity along x, y and z, (n, 3)."""
 
-    def drag(self, joint: int) -> np.ndarray:
+    # Of a chain whose bodies' inertial parameters differ by `changes`, (10,) or (n, 10) each.
+    def slope(self, joint: int, changes: Mapping[int, np.ndarray] = ...) -> np.ndarray:
+        """Return the change of every torque with a joint's place, as it moves, (n, joints)."""
+
+    def drag(self, joint: int, changes: Mapping[int, np.ndarray] = ...) -> np.ndarray:
         """Return the change of every torque with a joint's speed, as it moves, (n, joints)."""
 
     def inertia(self, joint: int, changes: Mapping[int, np.ndarray] = ...) -> np.ndarray:
-        """Return the torque of every joint for one unit of a joint's acceleration, (n, joints).
-
-        Of a chain whose links' inertial parameters differ from the declared by `changes`, (10,) or
-        (n, 10) by the number of the body.
-        """
+        """Return the torque of every joint for a unit of a joint's acceleration, (n, joints)."""
 
     def secant(self, joint: int, step: float) -> np.ndarray:
         """Return the change of every torque over `step` of a joint's position, as it moves."""
@@ -132,6 +132,16 @@ class Recording(Protocol):
     def shifted(self, columns: np.ndarray, seconds: float) -> np.ndarray: ...
     def lagged(self, columns: np.ndarray, time_constant: float) -> np.ndarray: ...
     def derivative(self, columns: np.ndarray) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring between motor and link that a model has."""
+
+    #: Non-linear parameters of `series_elasticity`.
+    theta: Mapping[str, float]
+    #: What it adds to the torque of every joint, Nm or N, (n, joints).
+    torque: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,6 +162,8 @@ class Estimate:
     #: By how much links and loads that were found differ from the declared: inertial parameters by
     #: the number of the body, (10,) or (n, 10).
     changes: Mapping[int, np.ndarray] = field(default_factory=dict)
+    #: Springs that were found, by their joint.
+    springs: Mapping[int, Spring] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -182,9 +194,25 @@ class RecordedJoint:
         return self.recording.acceleration[:, self.number]
 
     @cached_property
-    def inertia(self) -> np.ndarray:
-        """Torque of every joint for one unit of acceleration of this one, (n, joints)."""
-        return self.recording.inertia(self.number, self.estimate.changes)
+    def inertias(self) -> dict[int, np.ndarray]:
+        """Torque of every joint for a unit of acceleration of each analysed one, (n, joints).
+
+        With links and loads as they were found.
+        """
+        return self._with_changes(self.recording.inertia)
+
+    @cached_property
+    def drags(self) -> dict[int, np.ndarray]:
+        """What every torque gains with the speed of each, as it moves, (n, joints)."""
+        return self._with_changes(self.recording.drag)
+
+    @cached_property
+    def slopes(self) -> dict[int, np.ndarray]:
+        """What every torque gains with the place of each, as it moves, (n, joints)."""
+        return self._with_changes(self.recording.slope)
+
+    def _with_changes(self, of: Callable[..., np.ndarray]) -> dict[int, np.ndarray]:
+        return {joint: of(joint, self.estimate.changes) for joint in self.recording.joints}
 
     @property
     def effort(self) -> np.ndarray:

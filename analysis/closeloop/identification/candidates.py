@@ -7,10 +7,7 @@ import numpy as np
 
 from analysis.closeloop.identification.balance.least_squares import keep_independent
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Channel,
     Model,
-    Term,
     estimate_beside,
     estimate_of,
     evaluate,
@@ -24,6 +21,7 @@ from analysis.closeloop.identification.balance.regression import (
     compare,
     score,
 )
+from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term
 from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.nameable import (
     beyond_physics,
@@ -179,12 +177,12 @@ def _try(
     if simpler:
         thetas = [*thetas, *({**theta, **simpler} for theta in thetas)]
         thetas = [dict(once) for once in dict.fromkeys(tuple(t.items()) for t in thetas)]
-    found = _best(model, rows, candidate, thetas, joint, left_out)
+    found = best_of(model, rows, candidate, thetas, joint, left_out)
     if found is None:
         return None
     if beyond_physics(*found, candidate):
         # Many may fit alike, as a load beside inertia at any distance: which is best is rounding.
-        each = (_best(model, rows, candidate, [theta], joint, left_out) for theta in thetas)
+        each = (best_of(model, rows, candidate, [theta], joint, left_out) for theta in thetas)
         alike = (one for one in each if one and one[1].sse <= (1.0 + ROUNDING) * found[1].sse)
         found = next((one for one in alike if not beyond_physics(*one, candidate)), found)
     tried, scored = found
@@ -207,7 +205,7 @@ def _try(
     return _try(model, rows, candidate, estimate, current, simpler, effect.undetermined)
 
 
-def _best(
+def best_of(
     model: Model,
     rows: Rows,
     candidate: Candidate,
@@ -322,13 +320,13 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
         joint = RecordedJoint(model.recording, candidate.joint, estimate)
         if candidate.effect.uses_estimate and own is not None:
             grid = _turning_alike(candidate.effect.thetas(joint), turning)
-            again = _best(rest, rows, candidate, [theta, *grid], joint, left_out)
+            again = best_of(rest, rows, candidate, [theta, *grid], joint, left_out)
             if again is not None and again[1].sse < current.sse:
                 (model, current), theta = again, again[1].variant.theta
         for near in _turning_alike(candidate.effect.neighbours(theta, scale), turning):
             if near == theta or candidate.effect.beyond(joint, near, {}):
                 continue
-            found = _best(rest, rows, candidate, [near], joint, left_out)
+            found = best_of(rest, rows, candidate, [near], joint, left_out)
             # Not for rounding's sake: it may lead to where the effect cannot be.
             if found is not None and found[1].sse < (1.0 - ROUNDING) * current.sse:
                 (model, current), theta = found, near

@@ -7,14 +7,9 @@ import numpy as np
 from scipy.stats import norm
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Channel,
-    Model,
-    Term,
-    impedances,
-)
+from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import Rows, Score
+from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.spectrum import Peak
 from sim.effects.effect import Effect, Theta

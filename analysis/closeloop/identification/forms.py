@@ -10,19 +10,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    Term,
-    evaluate,
-    kept_columns,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import (
     Rows,
     compare,
     scattered_folds,
     takes_all,
 )
+from analysis.closeloop.identification.balance.terms import Candidate, Term, kept_columns
 from analysis.closeloop.identification.hat_basis import hat_basis
 
 #: Places over position, and over velocity, at which a torque may be another share of itself. Both

@@ -17,15 +17,10 @@ import numpy as np
 
 from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.luck import ALONE_Z, MIN_GAIN, more_than_luck
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    evaluate,
-    kept_columns,
-    prediction,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, prediction
 from analysis.closeloop.identification.balance.presence import surely_there
 from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.balance.terms import Candidate, kept_columns
 from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Grown, Option, Step
@@ -34,7 +29,7 @@ from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from sim.effects.laws.inertia import LEAST_LOAD
 
-DAMPING = "viscous_friction"
+DAMPING, ELASTIC = "viscous_friction", BY_NAME["series_elasticity"]
 #: Least upper edge of an octave, Hz.
 LOWEST = 0.5
 #: How far an effect's size elsewhere may be from that of the whole fit, over it: of what is late,
@@ -223,7 +218,8 @@ def _differs(grown: Grown, step: Step, rows: Rows) -> bool:
 def size_elsewhere(model: Model, candidate: Candidate, rows: Rows) -> tuple[float, float] | None:
     """Return an effect's size outside of the octave in which it explains most.
 
-    All coefficients of its joint are fitted again with it.
+    All coefficients of its joint are fitted again with it. Springs swing against each other: of
+    several the torque is asked of all of them, at the joint of this one.
 
     Args:
         model: with the effect; fitted to the rows.
@@ -236,9 +232,11 @@ def size_elsewhere(model: Model, candidate: Candidate, rows: Rows) -> tuple[floa
     """
     joint, recording = candidate.joint, rows.recording
     expected = _expected(model, rows, joint)
-    torque = expected - _expected(model.without(candidate), rows, joint)
+    together = {candidate, *(c for c in model.effects if c.effect is candidate.effect is ELASTIC)}
+    rest = model.keeping(lambda other: other not in together)
+    torque = expected - _expected(rest, rows, joint)
     left = np.nan_to_num(recording.effort[:, joint] - expected)
-    others = np.column_stack([np.empty((len(left), 0)), *_columns(model, candidate)])
+    others = np.column_stack([np.empty((len(left), 0)), *_columns(rest, joint)])
     samples, block = rows.samples[joint], rows.block[rows.parts[joint]]
     # What only the effect explains, over all of the motion.
     own = torque - others @ np.linalg.lstsq(others[samples], torque[samples])[0]
@@ -262,11 +260,10 @@ def size_elsewhere(model: Model, candidate: Candidate, rows: Rows) -> tuple[floa
     return 1.0 + further, float(np.sqrt(blocks @ blocks)) / power
 
 
-def _columns(model: Model, candidate: Candidate) -> Iterator[np.ndarray]:
-    """Yield what all terms but an effect's bring to its joint, low-passed, (n, k) each."""
-    joint = candidate.joint
+def _columns(model: Model, joint: int) -> Iterator[np.ndarray]:
+    """Yield what the terms of a model bring to a joint, low-passed, (n, k) each."""
     for term in model.terms:
-        if joint in term.columns and term.candidate != candidate:
+        if joint in term.columns:
             own = {joint: kept_columns(term)[joint]}
             yield model.recording.filtered(model.transformed(own)[joint])
 

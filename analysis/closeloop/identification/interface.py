@@ -15,8 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.balance.model import Model, evaluate, kept_columns
+from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import kept_columns
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Step, Trace
 from analysis.closeloop.identification.nameable import ONE_WAY

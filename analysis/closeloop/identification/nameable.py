@@ -5,16 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Channel,
     Model,
-    Term,
     impedances,
-    kept_columns,
     link_changes,
     unfitted,
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, takes_all
+from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term, kept_columns
 
 #: An effect whose torque the declared unknowns imitate to this share cannot be named.
 MIN_UNIQUE = 0.02

@@ -11,15 +11,13 @@ from collections.abc import Iterable
 import numpy as np
 
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
     Model,
-    Term,
     evaluate,
-    kept_columns,
     unfitted,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare, takes_all
+from analysis.closeloop.identification.balance.terms import Candidate, Term, kept_columns
 from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import PRESLIDING_SHARE
 

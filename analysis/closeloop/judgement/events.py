@@ -15,12 +15,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS, MIN_TORQUE
-from analysis.closeloop.identification.balance.model import (
-    Model,
-    evaluate,
-    kept_columns,
-    prediction,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, prediction
 from analysis.closeloop.identification.balance.regression import SCATTERED, Rows, select_rows
 from analysis.closeloop.identification.balance.sticking import (
     coupled_motors,
@@ -29,6 +24,7 @@ from analysis.closeloop.identification.balance.sticking import (
     samples_step,
     unknown_friction,
 )
+from analysis.closeloop.identification.balance.terms import kept_columns
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import rubbing_anyway
 from analysis.closeloop.identification.spectrum import strongest_line

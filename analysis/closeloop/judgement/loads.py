@@ -17,8 +17,9 @@ from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import with_load
 from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS
-from analysis.closeloop.identification.balance.model import Model, Term
+from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Term
 from analysis.closeloop.identification.findings import Carried, Trace
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording

@@ -6,14 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.model import (
-    Given,
-    Model,
-    evaluate,
-    impedances,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, impedances, unfitted
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import Given
 from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.findings import TELLING, Outcome, Trace
 from analysis.closeloop.judgement.agreement import APART, alternatives

@@ -6,16 +6,14 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Channel,
     Model,
-    Term,
     evaluate,
     gain,
     unfitted,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term
 from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
 from analysis.closeloop.identification.nameable import lowest
 from sim.effects.catalogue import BY_NAME

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from scipy.stats import t
 
+from analysis.closeloop.contract import CONFIDENCE
 from analysis.closeloop.identification.arms.links import PARAMETERS, freed_links, links_of
 from analysis.closeloop.identification.arms.spread import NO_MASS, Spread, mass_and_place
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows
-from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE
 from analysis.closeloop.identification.findings import Carried
 from analysis.closeloop.session.recording import Recording
 from sim.effects.laws.inertia import PLACE

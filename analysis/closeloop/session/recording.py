@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from analysis.closeloop.session.chain.elsewhere import coefficients, rates
-from analysis.closeloop.session.chain.link_torque import ChainMotion, chain_motion, moved_by
+from analysis.closeloop.session.chain.link_torque import WAYS, ChainMotion, Tangents, chain_motion
 from analysis.closeloop.session.chain.thinned import Thinned
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
@@ -41,6 +41,7 @@ SHARED = (
     "sensed",
     "_lowpasses",
     "_thinned",
+    "_tangents",
 )
 
 Made = TypeVar("Made")
@@ -149,42 +150,41 @@ class Recording:
     def secant(self, joint: int, step: float) -> np.ndarray:
         """Change of every torque over `step` of one joint's position, as it moves, (n, joints)."""
 
-        def torque(way: float) -> np.ndarray:
-            there = self.position.copy()
-            there[:, joint] += way
-            return self._inverse(there, self.velocity, self.acceleration)
+        here, hinge, one = self.rigid, self.is_hinge(joint), np.eye(self.position.shape[1])[joint]
 
-        here, hinge = self.rigid, self.is_hinge(joint)
+        def torque(way: float) -> np.ndarray:
+            return self._inverse(self.position + way * one, self.velocity, self.acceleration)
+
         known = self._once(("elsewhere", joint), lambda: coefficients(torque, here, hinge))
         if len(known):
             return np.asarray(np.tensordot(rates(step, hinge), known, axes=1))
         return self._once(("secant", joint, step), lambda: (torque(step) - here) / step)
 
-    def drag(self, joint: int) -> np.ndarray:
-        """Change of every torque with a joint's speed, as it moves, (n, joints)."""
+    def slope(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
+        """Change of every torque with a joint's place, with bodies that differ, (n, joints)."""
+        return self.secant(joint, WAYS["place"]) + self._tangents.gained("place", joint, changes)
+
+    def drag(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
+        """Change of every torque with a joint's speed, as `slope`."""
+
+        one = np.eye(self.velocity.shape[1])[joint]
 
         def at(speed: float) -> np.ndarray:
-            there = self.velocity.copy()
-            there[:, joint] += speed
-            return self._inverse(self.position, there, self.acceleration)
+            return self._inverse(self.position, self.velocity + speed * one, self.acceleration)
 
         # Exact of what grows with the square of a speed.
-        return self._once(("drag", joint), lambda: 0.5 * (at(1.0) - at(-1.0)))
+        found: np.ndarray = self._once(("drag", joint), lambda: 0.5 * (at(1.0) - at(-1.0)))
+        return found + self._tangents.gained("speed", joint, changes)
 
     def inertia(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
-        """Torque of every joint for one unit of a joint's acceleration, (n, joints).
-
-        With bodies whose inertial parameters differ from the declared, (10,) or (n, 10).
-        """
+        """Torque of every joint for a unit of a joint's acceleration, as `slope`."""
         found = self._once(("inertia", joint), lambda: self._at_rest(joint) - self.static)
-        model, some = self.device.model, self._thinned.samples
-        for body, change in changes.items():
-            moving = self._once(
-                ("moved", joint), lambda: moved_by(model, self.position[some], joint)
-            )
-            own = moving.torque(body, change if change.ndim == 1 else change[some])
-            found = found + self._thinned.between(own)
-        return np.asarray(found)
+        return np.asarray(found) + self._tangents.gained("acceleration", joint, changes)
+
+    @cached_property
+    def _tangents(self) -> Tangents:
+        motion, thinned = (self.position, self.velocity, self.acceleration), self._thinned
+        return Tangents(self.device.model, motion, thinned.samples, thinned.between)
 
     def is_hinge(self, joint: int) -> bool:
         """Whether the joint turns; else it slides."""

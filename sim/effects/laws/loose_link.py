@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from sim.effects.effect import Columns, Effect, Limits, Theta
-from sim.effects.motion import RecordedJoint
+from sim.effects.hanging import hanging
+from sim.effects.motion import RecordedJoint, Spring
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, named
 
 #: Factor by which a compliance and that of its resonance may differ: set, as the last of these,
@@ -21,7 +22,8 @@ LEAST_LINK = 0.05
 UPSIDE_DOWN = 0.5
 #: Where a link may swing on its spring, Hz: steps of a quarter, as wide as the least damped swings.
 RESONANCES = (1.5, 1.9, 2.4, 3.0, 3.7, 4.6, 5.8, 7.2, 9.0, 11.0, 14.0, 18.0, 25.0)
-#: What a swing has faded to, before the first samples that show it, is not determined by them.
+#: Share of a swing that samples have to show for them to determine it: it may have faded before
+#: the first of them, or be quicker than the low-pass lets through.
 FADED = 0.1
 #: Samples of a flight through a gap that are computed at a time.
 FLIGHT = 64
@@ -67,25 +69,12 @@ class SeriesElasticity(LooseLink):
     uses_estimate = has_to_agree = filters = True
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
-        recording, number = joint.recording, joint.number
-        load = joint.estimate.carried[:, number]
-        spring, inertia = self._spring(joint, theta), _behind(joint)
-        own = 2.0 * theta["damping_ratio"] * np.sqrt(spring * inertia.mean())
-        # A first estimate may be such that nothing would hang on the spring stably.
-        damping = max(float(joint.estimate.damping[number]), 0.0) + _drag(joint) + own
-        stiffness = np.maximum(_stiffness(joint), -UPSIDE_DOWN * spring) + spring
-        begins = np.array([piece.start for piece in recording.slices])
-        ways = hanging(inertia, damping, stiffness, load, begins, 1.0 / recording.rate)
-        felt = spring * ways[..., 0] + own * ways[..., 1]
-        felt[:, 0] -= load
-        decay = 0.5 * float(damping.mean() / inertia.mean())
-        swings = _swings(joint, felt, decay)
-        change = np.einsum("nw,nw->n", felt, swings)
-        behind = np.einsum("nwk,nw->nk", ways, swings)
-        return {
-            number: (spring * change)[:, None],
-            **_felt_by_others(joint, *(-spring * behind.T)),
-        }
+        others = {n: spring for n, spring in joint.estimate.springs.items() if n != joint.number}
+        thetas = {**{n: spring.theta for n, spring in others.items()}, joint.number: theta}
+        there = _of_springs(joint, others)
+        change = sum(_parts(joint, thetas, there).values()) - there
+        scale = _spring(joint, joint.number, theta)
+        return {number: scale * change[:, [number]] for number in joint.recording.joints}
 
     def beyond(
         self,
@@ -96,13 +85,10 @@ class SeriesElasticity(LooseLink):
         difference: bool = False,
     ) -> str:
         if 0 in coefficients:
-            agrees = coefficients[0] * self._spring(joint, theta)
+            agrees = coefficients[0] * _spring(joint, joint.number, theta)
             if not 1.0 / AGREES < agrees < AGREES:
                 return "compliance"
         return super().beyond(joint, theta, coefficients, difference=difference)
-
-    def _spring(self, joint: RecordedJoint, theta: Theta) -> float:
-        return float(_behind(joint).mean()) * float(2.0 * np.pi * theta["resonance"]) ** 2
 
 
 class Backlash(LooseLink):
@@ -135,15 +121,16 @@ class Backlash(LooseLink):
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         recording, number = joint.recording, joint.number
         gap = theta["crossed"] * joint.travel[1]
-        pull = joint.estimate.carried[:, number] / _behind(joint)
+        pull = joint.estimate.carried[:, number] / _behind(joint, number)
         ahead = np.empty(len(pull))
         for piece in recording.slices:
             ahead[piece] = lies(pull[piece], gap, 1.0 / recording.rate)
         ahead = recording.smoothed(ahead)
         rate = recording.derivative(ahead)
         twice = recording.derivative(rate)
-        damping = joint.estimate.damping[number] + _drag(joint)
-        own = _behind(joint) * twice + damping * rate + _stiffness(joint) * ahead
+        damping = joint.estimate.damping[number] + _drag(joint, number)
+        own = _behind(joint, number) * twice + damping * rate
+        own += _stiffness(joint, number) * ahead
         return {number: own[:, None], **_felt_by_others(joint, ahead, rate, twice)}
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
@@ -209,125 +196,136 @@ def _flight(pull: np.ndarray, begin: float, step: float) -> Iterator[np.ndarray]
         yield places
 
 
-def hanging(
-    inertia: np.ndarray,
-    damping: np.ndarray,
-    stiffness: np.ndarray,
-    load: np.ndarray,
-    begins: np.ndarray,
-    step: float,
+def springs_apart(joint: RecordedJoint, thetas: Mapping[int, Theta]) -> dict[int, Columns]:
+    """Return the columns of springs beside each other, by their joints.
+
+    What a link's being elsewhere takes of every joint is its own spring's.
+
+    Args:
+        joint: one of theirs; the springs of its estimate are left out.
+        thetas: non-linear parameters of each spring.
+    """
+    apart: dict[int, Columns] = {}
+    there = _of_springs(joint, joint.estimate.springs)
+    for number, part in _parts(joint, thetas, there).items():
+        column = _spring(joint, number, thetas[number]) * part
+        apart[number] = {other: column[:, [other]] for other in joint.recording.joints}
+    return apart
+
+
+def springs_together(joint: RecordedJoint, thetas: Mapping[int, Theta]) -> Columns:
+    """Return what springs add to every joint's torque, Nm or N, (n, 1), as in `springs_apart`."""
+    there = _of_springs(joint, joint.estimate.springs)
+    both = sum(_parts(joint, thetas, there).values(), np.zeros_like(there))
+    return {number: both[:, [number]] for number in joint.recording.joints}
+
+
+def _of_springs(joint: RecordedJoint, springs: Mapping[int, Spring]) -> np.ndarray:
+    """Return what springs add to the torque of every joint, Nm or N, (n, joints)."""
+    nothing = np.zeros_like(joint.recording.position)
+    return sum((spring.torque for spring in springs.values()), nothing)
+
+
+def _parts(
+    joint: RecordedJoint, thetas: Mapping[int, Theta], there: np.ndarray
+) -> dict[int, np.ndarray]:
+    """Return what each of several springs adds to the torque of every joint, Nm or N, (n, joints).
+
+    Args:
+        joint: one of those with a spring.
+        thetas: non-linear parameters of the spring at each.
+        there: torque of springs that the estimate holds already, Nm or N, (n, joints).
+    """
+    recording, joints = joint.recording, list(thetas)
+    load = joint.estimate.carried - there
+    inertias = np.stack([joint.inertias[n] for n in joints], axis=-1)
+    drags = np.stack([joint.drags[n] for n in joints], axis=-1)
+    slopes = np.stack([joint.slopes[n] for n in joints], axis=-1)
+    inertia, damping, stiffness = (x[:, joints].copy() for x in (inertias, drags, slopes))
+    springs, own = np.empty((2, len(joints)))
+    for place, (number, theta) in enumerate(thetas.items()):
+        itself = (slice(None), place, place)
+        inertia[itself] = _behind(joint, number)
+        springs[place] = _spring(joint, number, theta)
+        own[place] = 2.0 * theta["damping_ratio"] * np.sqrt(springs[place] * inertia[itself].mean())
+        # A first estimate may be such that nothing would hang on the spring stably.
+        damping[itself] = max(float(joint.estimate.damping[number]), 0.0) + own[place]
+        damping[itself] += _drag(joint, number)
+        stiff = np.maximum(_stiffness(joint, number), -UPSIDE_DOWN * springs[place])
+        stiffness[itself] = stiff + springs[place]
+    begins = np.array([piece.start for piece in recording.slices])
+    ways = hanging(inertia, damping, stiffness, load[:, joints], begins, 1.0 / recording.rate)
+    felt = springs[:, None] * ways[:, 0] + own[:, None] * ways[:, 1]
+    felt[..., 0] -= load[:, joints]
+    left = joint.estimate.residual + recording.filtered(there)
+    swings = _swings(joint, joints, felt, left)
+    place, speed, twice = np.moveaxis(np.einsum("nkmw,nw->nkm", ways, swings)[:, :, None], 1, 0)
+    parts = -(inertias * twice + drags * speed + slopes * place)
+    whole = np.einsum("nmw,nw->nm", felt, swings)
+    for at, number in enumerate(joints):
+        # What the others' being elsewhere takes of it is theirs.
+        others = [other for other in range(len(joints)) if other != at]
+        parts[:, number, at] = whole[:, at] - parts[:, number, others].sum(axis=1)
+    return {number: parts[..., at] for at, number in enumerate(joints)}
+
+
+def _swings(
+    joint: RecordedJoint, joints: list[int], felt: np.ndarray, left: np.ndarray
 ) -> np.ndarray:
-    """Return how what hangs on a spring moves: M x'' + D x' + K x = u, which all change with time.
-
-    Between two samples M, D and K are their means and u changes evenly: then every step is exact,
-    however quick the spring (Franklin, Powell and Workman 1998, Digital Control of Dynamic Systems,
-    section 6.3, triangle hold). All steps are one system of equations with three diagonals below
-    the main one.
+    """Return how much of each way to move is there, (n, ways): 1, and what each piece began with.
 
     Args:
-        inertia, damping, stiffness, load: M, D, K and u of every sample, (n,); K is above zero.
-        begins: the first samples of stretches, in which it begins anew.
-        step: between samples, s.
-
-    Returns:
-        Place, speed and acceleration, (n, 3, 3), under the load from where that would hold it
-        still, and without a load from a place of 1 and from a speed of 1.
-    """
-    # What computes assessments knows this module, and needs no SciPy.
-    from scipy.linalg.lapack import dtbtrs
-
-    count = len(load)
-    goes_on = np.ones(count, dtype=bool)
-    goes_on[begins] = False
-    later = np.flatnonzero(goes_on)
-    place, speed = 2 * np.arange(count), 2 * np.arange(count) + 1
-    mass, drag, held = (0.5 * (x[later - 1] + x[later]) for x in (inertia, damping, stiffness))
-    swing = _swing(0.5 * drag / mass, held / mass, step)
-    # A row for each diagonal, the main one first; a step goes from one sample to the next.
-    band = np.zeros((4, 2 * count), order="F")
-    band[0] = 1.0
-    before, now = later - 1, later
-    band[2, place[before]], band[1, speed[before]] = -swing[:, 0, 0], -swing[:, 0, 1]
-    band[3, place[before]], band[2, speed[before]] = -swing[:, 1, 0], -swing[:, 1, 1]
-    given = np.zeros((2 * count, 3), order="F")
-    given[place[begins], 0] = load[begins] / stiffness[begins]
-    given[place[begins], 1] = given[speed[begins], 2] = 1.0
-    # Under a load that changes evenly it may go evenly, too.
-    rate = (load[now] - load[before]) / step / held
-    even = np.stack([(load[before] - drag * rate) / held, rate], axis=-1)
-    driven = -np.einsum("nij,nj->ni", swing, even)
-    given[place[now], 0] = even[:, 0] + rate * step + driven[:, 0]
-    given[speed[now], 0] = rate + driven[:, 1]
-    found, _ = dtbtrs(band, given, uplo="L", diag="U", overwrite_b=True)
-    places, speeds = found[place], found[speed]
-    force = np.zeros_like(places)
-    force[:, 0] = load
-    twice = (force - damping[:, None] * speeds - stiffness[:, None] * places) / inertia[:, None]
-    return np.stack([places, speeds, twice], axis=-1)
-
-
-def _swing(decay: np.ndarray, square: np.ndarray, step: float) -> np.ndarray:
-    """Return what a step makes of place and speed of what nothing drives, (n, 2, 2).
-
-    Args:
-        decay: half of damping over inertia, 1/s, (n,).
-        square: stiffness over inertia, 1/s2, (n,).
-        step: s.
-    """
-    # Beyond critical damping the turn is imaginary, and both functions of it stay real.
-    turn = np.sqrt(square - decay**2 + 0j)
-    even = np.exp(-decay * step) * np.cos(turn * step).real
-    odd = np.exp(-decay * step) * (step * np.sinc(turn * step / np.pi)).real
-    first = np.stack([even + decay * odd, odd], axis=-1)
-    return np.stack([first, np.stack([-square * odd, even - decay * odd], axis=-1)], axis=-2)
-
-
-def _swings(joint: RecordedJoint, felt: np.ndarray, decay: float) -> np.ndarray:
-    """Return how much of each way to move is there, (n, 3): 1, and what each piece began with.
-
-    Args:
-        joint: with the residual that the torque is a part of.
-        felt: torque of each way to move, Nm or N, (n, 3).
-        decay: of a swing, 1/s.
+        joint: one of those that hang on springs.
+        joints: all of those.
+        felt: their torque for each way to move, Nm or N, (n, joints, ways).
+        left: effort that the model leaves without springs, Nm or N, (n, joints).
     """
     recording = joint.recording
-    size = np.zeros_like(felt)
+    size = np.zeros((len(felt), felt.shape[2]))
     size[:, 0] = 1.0
-    if np.exp(-decay * recording.edge / recording.rate) < FADED:
-        return size
-    smooth = recording.filtered(felt)
-    left = joint.estimate.residual[:, joint.number] - smooth[:, 0]
-    good = recording.usable & np.isfinite(left)
+    smooth = recording.filtered(felt.reshape(len(felt), -1)).reshape(felt.shape)
+    left = left[:, joints] - smooth[..., 0]
+    good = np.isfinite(left) & recording.usable[:, None]
     if recording.disturbed is not None:
-        good &= ~recording.disturbed[:, joint.number]
+        good &= ~recording.disturbed[:, joints]
+    # Joints are weighed by what is left of them.
+    weight = good / np.maximum(np.sqrt(np.mean(left**2, axis=0, where=good)), 1e-300)
+    left = np.where(good, left, 0.0) * weight
     for piece in recording.slices:
         inside = slice(piece.start + recording.edge, piece.stop - recording.edge)
-        own = inside.start + np.flatnonzero(good[inside])
-        if len(own) > 2:
-            size[piece, 1:] = np.linalg.lstsq(smooth[own, 1:], left[own], rcond=1e-6)[0]
+        whole, *parts = (
+            np.linalg.norm(x[..., 1:], axis=(0, 1))
+            for x in (felt[piece], felt[inside], smooth[inside])
+        )
+        shown = 1 + np.flatnonzero(np.min(parts, axis=0) > FADED * whole)
+        if np.count_nonzero(good[inside]) > len(shown) > 0:
+            ways = (smooth[inside][..., shown] * weight[inside, :, None]).reshape(-1, len(shown))
+            size[piece, shown] = np.linalg.lstsq(ways, left[inside].reshape(-1), rcond=1e-6)[0]
     return size
 
 
-def _behind(joint: RecordedJoint) -> np.ndarray:
-    """Return the inertia that hangs behind the motor, kg m2 or kg, (n,)."""
-    inertia = joint.inertia[:, joint.number]
-    return np.maximum(inertia - joint.recording.motor_inertia(joint.number), LEAST_LINK * inertia)
+def _spring(joint: RecordedJoint, number: int, theta: Theta) -> float:
+    """Return the stiffness on which a joint's link swings so fast, on average, Nm/rad or N/m."""
+    return float(_behind(joint, number).mean() * (2.0 * np.pi * theta["resonance"]) ** 2)
 
 
-def _drag(joint: RecordedJoint) -> np.ndarray:
+def _behind(joint: RecordedJoint, number: int) -> np.ndarray:
+    """Return the inertia that hangs behind the motor of a joint, kg m2 or kg, (n,)."""
+    inertia = joint.inertias[number][:, number]
+    return np.maximum(inertia - joint.recording.motor_inertia(number), LEAST_LINK * inertia)
+
+
+def _drag(joint: RecordedJoint, number: int) -> np.ndarray:
     """Return what the link's own torque gains with its speed, as it moves, Nm s/rad or N s/m, (n,).
 
     The motor's damping lies before what is loose.
     """
-    recording, number = joint.recording, joint.number
-    return recording.drag(number)[:, number] - recording.motor_damping(number)
+    return joint.drags[number][:, number] - joint.recording.motor_damping(number)
 
 
-def _stiffness(joint: RecordedJoint) -> np.ndarray:
+def _stiffness(joint: RecordedJoint, number: int) -> np.ndarray:
     """Return what the link's own torque gains with its position, Nm/rad or N/m, (n,)."""
-    recording, number = joint.recording, joint.number
-    slope = recording.secant(number, 1e-4)[:, number]
-    return np.asarray(joint.estimate.stiffness[number] + slope)
+    return np.asarray(joint.estimate.stiffness[number] + joint.slopes[number][:, number])
 
 
 def _felt_by_others(
@@ -341,8 +339,8 @@ def _felt_by_others(
     """
     recording, number = joint.recording, joint.number
     torque = (
-        joint.inertia * twice[:, None]
-        + recording.drag(number) * speed[:, None]
-        + recording.secant(number, 1e-4) * place[:, None]
+        joint.inertias[number] * twice[:, None]
+        + joint.drags[number] * speed[:, None]
+        + joint.slopes[number] * place[:, None]
     )
     return {other: torque[:, [other]] for other in recording.joints if other != number}

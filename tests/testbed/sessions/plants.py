@@ -90,6 +90,16 @@ ELASTIC_ARM = ARM.changed(
       <body name="upper">
       <joint name="spring" axis="0 -1 0" stiffness="900" damping="0.7"/>""",
 ).replace("</body>\n  </worldbody>", "</body></body>\n  </worldbody>")
+#: The same with one of 60 Nm/rad at the elbow, too: the links swing against each other.
+LIMP_ARM = ELASTIC_ARM.replace(
+    """<body name="fore" pos="0.3 0 0">
+        <joint name="elbow" axis="0 -1 0" armature="0.05" frictionloss="0"/>""",
+    """<body name="second" pos="0.3 0 0">
+        <joint name="elbow" axis="0 -1 0" armature="0.05" frictionloss="0"/>
+        <inertial pos="0 0 0" mass="1e-6" diaginertia="1e-9 1e-9 1e-9"/>
+        <body name="fore">
+        <joint name="second_spring" axis="0 -1 0" stiffness="60" damping="0.08"/>""",
+).replace("</body></body>\n  </worldbody>", "</body></body></body>\n  </worldbody>")
 #: A limb whose elbow turns about a vertical axis: no gravity weighs it.
 LIMB = Plant(
     mjcf="""<mujoco>

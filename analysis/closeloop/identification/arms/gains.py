@@ -8,13 +8,9 @@ import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED
 from analysis.closeloop.identification.balance.declared import placed
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    evaluate,
-    gain,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, gain
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.nameable import one_way

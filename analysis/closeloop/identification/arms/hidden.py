@@ -16,8 +16,9 @@ from analysis.closeloop.identification.balance.luck import (
     least_gain,
     more_than_luck,
 )
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.findings import Grown, standing
 
 

@@ -5,14 +5,9 @@ from itertools import combinations
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    Term,
-    unfitted,
-    with_independent,
-)
+from analysis.closeloop.identification.balance.model import Model, unfitted, with_independent
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.nameable import MIN_UNIQUE, lowest
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.coupling import SENSES, WRIST

@@ -6,14 +6,9 @@ import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import FRICTION
 from analysis.closeloop.identification.balance.declared import declared_again, hung_again
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    Term,
-    unfitted,
-    with_independent,
-)
+from analysis.closeloop.identification.balance.model import Model, unfitted, with_independent
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.nameable import lowest, one_way
 from sim.effects.catalogue import BY_NAME
 

@@ -29,6 +29,7 @@ from analysis.closeloop.identification.arms.agreed import (
 from analysis.closeloop.identification.arms.gains import alike, with_gains
 from analysis.closeloop.identification.arms.hidden import beside_friction
 from analysis.closeloop.identification.arms.links import Links, freed_links, links_of
+from analysis.closeloop.identification.arms.loose import settled_loose, with_loose, with_pair
 from analysis.closeloop.identification.arms.motors import with_other_joints
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.shared import with_heavier_link, with_links, with_share
@@ -40,17 +41,14 @@ from analysis.closeloop.identification.arms.zeros import (
     for_offsets,
     for_rare,
     with_zeros,
+    without_needless_zeros,
 )
 from analysis.closeloop.identification.balance.declared import (
     hung_again,
     placed,
 )
-from analysis.closeloop.identification.balance.luck import MIN_GAIN, MIN_LATER_GAIN
-from analysis.closeloop.identification.balance.model import (
-    Model,
-    evaluate,
-    one_joint,
-)
+from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN
+from analysis.closeloop.identification.balance.model import Model, evaluate, one_joint
 from analysis.closeloop.identification.balance.regression import (
     Rows,
     Score,
@@ -59,9 +57,7 @@ from analysis.closeloop.identification.balance.regression import (
 from analysis.closeloop.identification.balance.sticking import sliding
 from analysis.closeloop.identification.candidates import (
     candidates,
-    options_beside,
     refined,
-    tried_alone,
 )
 from analysis.closeloop.identification.findings import Grown, Option, Step, standing
 from analysis.closeloop.identification.friction.plain_friction import (
@@ -71,7 +67,6 @@ from analysis.closeloop.identification.friction.plain_friction import (
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
 from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.identification.presliding import only_presliding
-from analysis.closeloop.identification.selection import choose
 from sim.effects.laws.loose_link import LooseLink
 
 
@@ -131,6 +126,8 @@ def _traced(
 
     progress("what is loose")
     model, found = with_loose(model, rows)
+    model, steps = with_pair(model, rows)
+    found |= steps
     if found:
         model = settled_loose(shared_again(model), rows)
     for joint in rows.joints:
@@ -145,7 +142,8 @@ def _traced(
     model = with_peaked_friction(model, rows)
     if found:
         progress("all joints together")
-        model = shared_again(model)
+        model = settled_loose(shared_again(model), rows)
+    model = without_needless_zeros(model, rows)
     return _grown(placed(with_plain_friction(model, rows), rows), rows, found)
 
 
@@ -201,6 +199,10 @@ def pruned(model: Model, rows: Rows, links: Links) -> Model:
             if term.candidate is None or term.candidate.effect.name in SHARED:
                 continue
             without = scored([other for other in kept if other != number])
+            # What is loose shakes every joint.
+            loose = isinstance(term.candidate.effect, LooseLink)
+            if loose and sure(without.losses, best.losses, rows.fold_of_block):
+                continue
             share = missed(without, best, term.joint, rows, name=term.candidate.effect.name)
             if share is None or (free and missed_elsewhere(without, best, term.joint, rows)):
                 continue
@@ -230,39 +232,6 @@ def without_presliding(model: Model, rows: Rows) -> Model:
         rest = alone.without(candidate)
         if only_presliding(candidate, alone, rest, rows.of_joint(candidate.joint)):
             model = model.without(candidate)
-    return model
-
-
-def with_loose(model: Model, rows: Rows) -> tuple[Model, dict[tuple[str, int], Step]]:
-    """Add springs and play, asked of all torques at once; what is new also as steps.
-
-    What is loose at a joint shakes the others, and a payload or other links stand for some of it:
-    where it is, and how much of it is theirs, only all joints tell together.
-    """
-    found: dict[tuple[str, int], Step] = {}
-    while True:
-        current = evaluate(model, rows)
-        taken = {c.joint for c in model.effects if isinstance(c.effect, LooseLink)}
-        tried = [
-            c
-            for c in candidates(model.recording)
-            if isinstance(c.effect, LooseLink) and c.joint not in taken
-        ]
-        options = options_beside(model, rows, current, tried)
-        step = choose(options, model, current, rows, MIN_GAIN * current.loss)
-        if step is None or step.taken.refused:
-            return model, found
-        model = settled_loose(placed(step.taken.model, rows), rows)
-        found[step.key] = step
-
-
-def settled_loose(model: Model, rows: Rows) -> Model:
-    """Choose the parameters of what is loose again, beside what hangs from it by now."""
-    for candidate in model.effects:
-        if isinstance(candidate.effect, LooseLink):
-            again = tried_alone(model.without(candidate), rows, candidate)
-            if again is not None and again[1].loss < evaluate(model, rows).loss:
-                model = again[0]
     return model
 
 

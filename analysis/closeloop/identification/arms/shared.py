@@ -9,15 +9,13 @@ from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit, loaded
 from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Given,
     Model,
-    Term,
     evaluate,
     unfitted,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.balance.terms import Candidate, Given, Term
 from analysis.closeloop.identification.nameable import lowest
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME

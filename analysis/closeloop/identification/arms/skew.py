@@ -13,9 +13,10 @@ import numpy as np
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import MIN_GAIN, MIN_Z
-from analysis.closeloop.identification.balance.model import Given, Model, evaluate, prediction
+from analysis.closeloop.identification.balance.model import Model, evaluate, prediction
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.sticking import sliding
+from analysis.closeloop.identification.balance.terms import Given
 from analysis.closeloop.session.recording import Recording
 
 #: Joints agree within so many standard errors, or within this share of the time.

@@ -14,10 +14,11 @@ from typing import Protocol
 import numpy as np
 from scipy.stats import t
 
+from analysis.closeloop.contract import CONFIDENCE
 from analysis.closeloop.identification.balance.declared import PLACED
-from analysis.closeloop.identification.balance.model import Model, Term, unfitted
+from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import Rows
-from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE
+from analysis.closeloop.identification.balance.terms import Term
 
 #: Parts of every trial that are left out in turn.
 PARTS = 10

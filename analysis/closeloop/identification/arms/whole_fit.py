@@ -23,15 +23,9 @@ from analysis.closeloop.identification.balance.least_squares import (
     solve,
     sums_of_others,
 )
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    Term,
-    kept_columns,
-    unfitted,
-    with_independent,
-)
+from analysis.closeloop.identification.balance.model import Model, unfitted, with_independent
 from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.balance.terms import Candidate, Term, kept_columns
 from analysis.closeloop.session.chain.link_torque import carriers
 from sim.effects.laws.inertia import LEAST_LOAD, MOST_LOAD, PLACE
 from sim.effects.rigid import point_mass, point_mass_slopes

@@ -12,19 +12,18 @@ from analysis.closeloop.identification.arms.whole_fit import WholeFit, loaded
 from analysis.closeloop.identification.balance.declared import placed
 from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN, MIN_TORQUE
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
     Model,
-    Term,
     evaluate,
-    kept_columns,
     unfitted,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
+from analysis.closeloop.identification.balance.terms import Candidate, Term, kept_columns
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.session.chain.link_torque import carriers
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.inertia import PlacedPayload
+from sim.effects.laws.loose_link import LooseLink
 
 ZERO = BY_NAME["position_offset"]
 #: What a zero does where a trial moves one joint and holds the others.
@@ -158,6 +157,21 @@ def for_rare(model: Model, rows: Rows, rare: Collection[tuple[str, int]]) -> Mod
         found = [(m, s) for m, s in zeros if better_for_all(current, s, rows)]
         if found:
             model, _ = min(found, key=lambda pair: pair[1].loss)
+    return model
+
+
+def without_needless_zeros(model: Model, rows: Rows) -> Model:
+    """Take out wrong zeros that joints do not share any more once what is loose was found.
+
+    A link that leans on its spring is elsewhere, too, and a zero stood for what that was not yet.
+    """
+    if not any(isinstance(candidate.effect, LooseLink) for candidate in model.effects):
+        return model
+    for candidate in model.effects:
+        if candidate.effect is ZERO:
+            rest = model.without(candidate)
+            if not shared_by_joints(evaluate(rest, rows), evaluate(model, rows), rows):
+                model = rest
     return model
 
 

@@ -6,13 +6,9 @@ import numpy as np
 from scipy.signal import decimate
 
 from analysis.closeloop.identification.balance.least_squares import gram_matrices, solve
-from analysis.closeloop.identification.balance.model import (
-    Model,
-    kept_columns,
-    prediction,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, prediction, unfitted
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import kept_columns
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms

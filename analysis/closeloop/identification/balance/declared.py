@@ -9,7 +9,6 @@ from scipy.optimize import minimize
 
 from analysis.closeloop.identification.balance.model import (
     Model,
-    Term,
     evaluate,
     hung_in,
     link_changes,
@@ -18,6 +17,7 @@ from analysis.closeloop.identification.balance.model import (
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import Term
 from analysis.closeloop.session.chain.link_torque import carriers, chain_motion
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording

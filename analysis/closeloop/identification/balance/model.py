@@ -1,99 +1,28 @@
 """A model of the balance: the declared unknowns and the effects added so far, with their fit."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import prod
 
 import numpy as np
 
 from analysis.closeloop.identification.balance.least_squares import keep_independent
 from analysis.closeloop.identification.balance.regression import Rows, Score, Variant, score
+from analysis.closeloop.identification.balance.terms import (
+    Candidate,
+    Channel,
+    Given,
+    Term,
+    kept_columns,
+)
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lagged
-from sim.effects.effect import Columns, Effect, Theta
+from sim.effects.effect import Columns, Effect
 from sim.effects.laws.elastic import Viscoelastic
 from sim.effects.laws.inertia import PLACE, PlacedPayload, load_parameters
-from sim.effects.motion import Estimate, RecordedJoint
-
-
-@dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """An effect at a joint."""
-
-    effect: Effect
-    joint: int
-
-    @property
-    def key(self) -> tuple[str, int]:
-        return self.effect.name, self.joint
-
-    def includes(self, other: "Candidate") -> bool:
-        """Whether the other is a special case of this one."""
-        return other.joint == self.joint and other.effect.name in self.effect.includes
-
-
-@dataclass(frozen=True, kw_only=True)
-class Term:
-    """A block of columns in the model: a declared effect, an added one, or none at all."""
-
-    joint: int
-    columns: Columns
-    lower: tuple[float, ...] = (-np.inf,)
-    theta: Theta = field(default_factory=dict)
-    kept: tuple[int, ...] = ()
-    effect: Effect | None = None
-    #: What was added; None if declared.
-    candidate: Candidate | None = None
-    #: The declared load that it is, in the trials that name it.
-    load: HungLoad | None = None
-
-    @property
-    def at(self) -> Candidate:
-        """The effect and its joint; only of a term that has an effect."""
-        assert self.effect is not None
-        return Candidate(effect=self.effect, joint=self.joint)
-
-    def bound(self, column: int) -> float:
-        """Return the lower bound of a column's coefficient."""
-        return self.lower[min(column, len(self.lower) - 1)]
-
-    @property
-    def width(self) -> int:
-        """Columns before those go that others explain."""
-        return int(next(iter(self.columns.values())).shape[1])
-
-    @property
-    def rubs(self) -> bool:
-        """Whether the motion does not determine its torque at rest."""
-        return self.effect is not None and self.effect.rubs
-
-
-@dataclass(frozen=True, kw_only=True)
-class Channel:
-    """What the effort channel does to the torque that the joint feels."""
-
-    candidate: Candidate
-    theta: Theta
-
-    @property
-    def at(self) -> Candidate:
-        """The effect and its joint."""
-        return self.candidate
-
-
-@dataclass(frozen=True, kw_only=True)
-class Given:
-    """What the model holds beside its terms, with values that no fit of the terms changes."""
-
-    #: Torque that it takes, (n, 1) per joint.
-    torque: Columns
-    #: What brought it; None for the part of a whole that one joint sees.
-    candidate: Candidate | None = None
-    #: Inertial parameters of every link by its name, (10,); empty unless they are what is given.
-    links: Mapping[str, np.ndarray] = field(default_factory=dict)
-    #: By how much links differ from the declared, by the number of the body, (10,) or (n, 10).
-    changes: Mapping[int, np.ndarray] = field(default_factory=dict)
+from sim.effects.laws.loose_link import SeriesElasticity
+from sim.effects.motion import Estimate, RecordedJoint, Spring
 
 
 @dataclass(frozen=True)
@@ -213,10 +142,6 @@ def one_joint(model: Model, coefficients: np.ndarray, joint: int) -> Model:
     )
 
 
-def kept_columns(term: Term) -> Columns:
-    return {joint: columns[:, list(term.kept)] for joint, columns in term.columns.items()}
-
-
 def with_independent(model: Model, term: Term, rows: Rows) -> Model:
     """Add the columns of `term` that the model's do not explain."""
     base, _ = model.base(rows)
@@ -233,11 +158,19 @@ def unfitted(recording: Recording, joint: int) -> RecordedJoint:
         stiffness=np.zeros(count),
         damping=np.zeros(count),
         prediction=recording.inverse,
-        carried=recording.rigid - _of_motors(recording),
+        carried=recording.rigid - of_motors(recording),
         residual=recording.effort - recording.inverse,
         shared=np.zeros_like(recording.position),
     )
     return RecordedJoint(recording, joint, estimate)
+
+
+def of_motors(recording: Recording) -> np.ndarray:
+    """Return what declared motors take themselves, by inertia and damping, Nm or N, (n, joints)."""
+    joints = range(recording.position.shape[1])
+    inertia = np.array([recording.motor_inertia(joint) for joint in joints])
+    damping = np.array([recording.motor_damping(joint) for joint in joints])
+    return np.asarray(inertia * recording.acceleration + damping * recording.velocity)
 
 
 def evaluate(model: Model, rows: Rows, *, fold_rows: Sequence[np.ndarray] | None = None) -> Score:
@@ -277,7 +210,44 @@ def estimate_of(model: Model, coefficients: np.ndarray) -> Estimate:
         residual=residual,
         shared=shared_torque(model, model.split(coefficients)),
         changes=link_changes(model, model.split(coefficients)),
+        springs=dict(_springs(model, coefficients)),
     )
+
+
+def estimate_beside(model: Model, coefficients: np.ndarray, own: Term | None) -> Estimate:
+    """Return the estimate of the fitted model without the torque of one term, if that is given."""
+    left = np.array(coefficients)
+    for term, part in model.split(left):
+        same = own is not None and term.candidate is not None and term.candidate == own.candidate
+        if same or term is own:
+            part[:] = 0.0
+    return estimate_of(model, left)
+
+
+def _springs(model: Model, coefficients: np.ndarray) -> Iterator[tuple[int, Spring]]:
+    """Yield the springs that were found of a fitted model, each with its joint."""
+    for term, own in model.split(coefficients):
+        if term.candidate is not None and isinstance(term.effect, SeriesElasticity):
+            torque = np.zeros_like(model.recording.position)
+            for joint, columns in kept_columns(term).items():
+                torque[:, joint] = columns @ own
+            yield term.joint, Spring(term.theta, torque)
+
+
+def _carried(model: Model, coefficients: np.ndarray) -> np.ndarray:
+    """Return what the fitted model's motors carry, without friction, Nm or N, (n, joints).
+
+    At the joint: no effort channel has passed it on, late or low-passed.
+    """
+    recording = model.recording
+    torque = recording.rigid - of_motors(recording)
+    torque = torque + shared_torque(model, model.split(coefficients))
+    for term, found in model.split(coefficients):
+        scales = term.effect is not None and term.effect.scales_effort
+        if len(term.columns) == 1 and not (term.rubs or scales):
+            for joint, columns in kept_columns(term).items():
+                torque[:, joint] += columns @ found
+    return np.asarray(torque)
 
 
 def shared_torque(model: Model, fitted: Iterable[tuple[Term, np.ndarray]]) -> np.ndarray:
@@ -323,40 +293,6 @@ def hung_in(recording: Recording, load: HungLoad) -> np.ndarray:
     """Return where the trials name a load, (n, 1)."""
     named = [trial.payload == load for trial in recording.session.trials]
     return np.asarray(np.array(named)[recording.trial][:, None])
-
-
-def estimate_beside(model: Model, coefficients: np.ndarray, own: Term | None) -> Estimate:
-    """Return the estimate of the fitted model without the torque of one term, if that is given."""
-    left = np.array(coefficients)
-    for term, part in model.split(left):
-        same = own is not None and term.candidate is not None and term.candidate == own.candidate
-        if same or term is own:
-            part[:] = 0.0
-    return estimate_of(model, left)
-
-
-def _carried(model: Model, coefficients: np.ndarray) -> np.ndarray:
-    """Return what the fitted model's motors carry, without friction, Nm or N, (n, joints).
-
-    At the joint: no effort channel has passed it on, late or low-passed.
-    """
-    recording = model.recording
-    torque = recording.rigid - _of_motors(recording)
-    torque = torque + shared_torque(model, model.split(coefficients))
-    for term, found in model.split(coefficients):
-        scales = term.effect is not None and term.effect.scales_effort
-        if len(term.columns) == 1 and not (term.rubs or scales):
-            for joint, columns in kept_columns(term).items():
-                torque[:, joint] += columns @ found
-    return np.asarray(torque)
-
-
-def _of_motors(recording: Recording) -> np.ndarray:
-    """Return what declared motors take themselves, by inertia and damping, Nm or N, (n, joints)."""
-    joints = range(recording.position.shape[1])
-    inertia = np.array([recording.motor_inertia(joint) for joint in joints])
-    damping = np.array([recording.motor_damping(joint) for joint in joints])
-    return np.asarray(inertia * recording.acceleration + damping * recording.velocity)
 
 
 def impedances(model: Model, coefficients: np.ndarray) -> dict[int, dict[str, float]]:

@@ -3,8 +3,10 @@
 import numpy as np
 from scipy.stats import f
 
-from analysis.closeloop.identification.balance.model import Candidate, Model
-from analysis.closeloop.identification.balance.uncertainty import CONFIDENCE, Fits
+from analysis.closeloop.contract import CONFIDENCE
+from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.terms import Candidate
+from analysis.closeloop.identification.balance.uncertainty import Fits
 from sim.effects.catalogue import BY_NAME
 
 ZERO = BY_NAME["position_offset"]

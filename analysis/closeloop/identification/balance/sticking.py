@@ -12,13 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.signal import oaconvolve
 
-from analysis.closeloop.identification.balance.model import (
-    Model,
-    Term,
-    evaluate,
-    kept_columns,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import Term, kept_columns
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import lowpass, rms
 from sim.effects.motion import PRESLIDING_SHARE, travel, wound

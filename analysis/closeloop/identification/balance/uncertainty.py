@@ -34,19 +34,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t
 
+from analysis.closeloop.contract import CONFIDENCE
 from analysis.closeloop.identification.balance.least_squares import inverse_of, solve
 from analysis.closeloop.identification.balance.model import (
-    Channel,
     Model,
-    Term,
     estimate_beside,
     prediction,
     unfitted,
 )
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import Channel, Term
 
-#: Confidence of every interval.
-CONFIDENCE = 0.9
 #: Trials from which on whole trials are left out; below, one-second blocks.
 MIN_TRIALS = 4
 #: Ways to cut the range into places: of which signal, how many parts, and whether either direction

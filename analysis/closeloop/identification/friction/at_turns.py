@@ -23,9 +23,7 @@ from analysis.closeloop.identification.balance.luck import (
     more_than_luck,
 )
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
     Model,
-    Term,
     evaluate,
     one_joint,
     unfitted,
@@ -38,6 +36,7 @@ from analysis.closeloop.identification.balance.regression import (
     compare,
     score,
 )
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.candidates import with_law
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.friction.settling import BEGUN, POWERS, settled

@@ -17,10 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from analysis.closeloop.identification.balance.accuracy import raw_errors
 from analysis.closeloop.identification.balance.luck import MIN_TORQUE, MIN_Z
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Given,
     Model,
-    Term,
     evaluate,
     one_joint,
     prediction,
@@ -28,6 +25,7 @@ from analysis.closeloop.identification.balance.model import (
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.balance.terms import Candidate, Given, Term
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.nameable import beyond_physics, lowest

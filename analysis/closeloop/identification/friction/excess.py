@@ -9,13 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.identification.balance.luck import ALONE_Z, more_than_luck
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    evaluate,
-    one_joint,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import evaluate, one_joint, unfitted
 from analysis.closeloop.identification.balance.regression import Rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.findings import Grown
 from analysis.closeloop.identification.friction.settling import BEGUN, POWERS, SPEEDS, settled
 from analysis.closeloop.identification.holding import with_missed

@@ -18,14 +18,9 @@ from analysis.closeloop.identification.balance.luck import (
     least_gain,
     more_than_luck,
 )
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    evaluate,
-    one_joint,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, one_joint, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import tried_alone, with_law
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME

@@ -8,8 +8,9 @@ once more when it is there (backfitting; Friedman and Stuetzle 1981, Projection 
 
 from dataclasses import replace
 
-from analysis.closeloop.identification.balance.model import Model, Term, with_independent
+from analysis.closeloop.identification.balance.model import Model, with_independent
 from analysis.closeloop.identification.balance.regression import Rows, Score
+from analysis.closeloop.identification.balance.terms import Term
 from analysis.closeloop.identification.balance.uncertainty import slopes_of
 
 

@@ -22,14 +22,13 @@ from analysis.closeloop.identification.balance.luck import (
     predicts_as_well,
 )
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
     Model,
     estimate_of,
     evaluate,
-    kept_columns,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
+from analysis.closeloop.identification.balance.terms import Candidate, kept_columns
 from analysis.closeloop.identification.candidates import has_ground, with_law
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.nameable import beyond_physics

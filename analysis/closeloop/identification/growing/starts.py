@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN, MIN_Z
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import options_beside, refined
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.growing.steps import grow

@@ -14,18 +14,14 @@ from analysis.closeloop.identification.balance.luck import (
     PAIR_Z,
     more_than_luck,
 )
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    estimate_of,
-    evaluate,
-)
+from analysis.closeloop.identification.balance.model import Model, estimate_of, evaluate
 from analysis.closeloop.identification.balance.regression import (
     Rows,
     Score,
     compare,
     takes_all,
 )
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import (
     SETTLED,
     candidates,

@@ -22,8 +22,8 @@ from analysis.closeloop.identification.arms.robot import weighed_by
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.balance.declared import declared_model, naming
 from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS
-from analysis.closeloop.identification.balance.model import Term
 from analysis.closeloop.identification.balance.regression import compare, select_rows
+from analysis.closeloop.identification.balance.terms import Term
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
 from sim.effects.laws.inertia import MOST_LOAD, UPRIGHT

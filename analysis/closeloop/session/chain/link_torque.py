@@ -5,7 +5,9 @@ The torque of a chain is linear in the inertial parameters of its links (Atkeson
 long.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -16,6 +18,11 @@ from scipy.spatial.transform import Rotation
 MASS = 0
 #: Where xx, yy, zz, xy, xz and yz stand in an inertia matrix.
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+#: How far a joint is moved, rad or m, by how much it is quicker, rad/s or m/s, or more accelerated.
+#: Torques hold squares of speeds, of which both sides of one tell the slope exactly.
+WAYS = {"place": 1e-4, "speed": 1.0, "acceleration": 1.0}
+Of = Literal["place", "speed", "acceleration"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,15 +142,59 @@ def chain_motion(
     )
 
 
-def moved_by(model: mujoco.MjModel, position: np.ndarray, joint: int) -> ChainMotion:
-    """Return how links that are still begin to move with one unit of a joint's acceleration.
+class Tangents:
+    """A chain that moves, and what it would need if a joint moved otherwise.
 
-    Without gravity, so that torques are those of inertia alone; `position` is (n, joints).
+    Args:
+        model: the chain.
+        motion: position, velocity and acceleration of its joints, (n, joints) each.
+        samples: which of these are computed, (m,).
+        between: makes of what is known at those what is at all, (m, joints) to (n, joints).
     """
-    still, one = np.zeros_like(position), np.zeros_like(position)
-    one[:, joint] = 1.0
-    held, moving = (chain_motion(model, position, still, a) for a in (still, one))
-    return replace(moving, acceleration=moving.acceleration - held.acceleration)
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        motion: tuple[np.ndarray, np.ndarray, np.ndarray],
+        samples: np.ndarray,
+        between: Callable[[np.ndarray], np.ndarray],
+    ) -> None:
+        self._model, self._samples, self._between = model, samples, between
+        self._motion = [every[samples] for every in motion]
+        self._moved: dict[tuple[Of, int], tuple[ChainMotion, ChainMotion]] = {}
+
+    def gained(self, of: Of, joint: int, changes: Mapping[int, np.ndarray]) -> np.ndarray | float:
+        """Return what bodies that differ add to every torque, for one unit more, (n, joints).
+
+        Args:
+            of: what of the joint is more.
+            joint: which.
+            changes: inertial parameters by the number of the body, (10,) or (n, 10).
+        """
+        if not changes:
+            return 0.0
+        ahead, behind = self._both(of, joint)
+        gained = np.zeros_like(self._motion[0])
+        for body, change in changes.items():
+            own = change if change.ndim == 1 else change[self._samples]
+            gained += (ahead.torque(body, own) - behind.torque(body, own)) / WAYS[of]
+        return self._between(gained)
+
+    def _both(self, of: Of, joint: int) -> tuple[ChainMotion, ChainMotion]:
+        """Return how the chain moves half a unit further, and half a unit less."""
+        if (of, joint) not in self._moved:
+            number = list(WAYS).index(of)
+            way = np.zeros_like(self._motion[number])
+            way[:, joint] = 0.5 * WAYS[of]
+            ahead, behind = (
+                chain_motion(
+                    self._model,
+                    *(x + sign * way if x is self._motion[number] else x for x in self._motion),
+                )
+                for sign in (1.0, -1.0)
+            )
+            self._moved[of, joint] = ahead, behind
+        return self._moved[of, joint]
 
 
 def _at(frame: np.ndarray, place: np.ndarray) -> np.ndarray:

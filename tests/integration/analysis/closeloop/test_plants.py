@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from analysis.closeloop.loop import analyse, close_loop
 from analysis.closeloop.report.repaired import repaired_model
-from tests.testbed.sessions.plants import ARM, CARRIAGE, ELASTIC_ARM, write_recordings
+from tests.testbed.sessions.plants import ARM, CARRIAGE, ELASTIC_ARM, LIMP_ARM, write_recordings
 
 #: The file of the trial that carries more than the others.
 LOADED = "loaded.csv"
@@ -72,6 +72,19 @@ def test_a_spring_beside_a_load_that_nobody_declared_is_found_with_it(tmp_path: 
     assert found["payload"]["mass"]["value"] == pytest.approx(0.5, rel=0.03)
     compliance = found["series_elasticity"]["compliance"]["value"]
     assert compliance == pytest.approx(1 / 900.0, rel=0.08)
+    assert all(not left["events"] for left in report["unexplained"].values())
+
+
+def test_springs_of_links_that_swing_against_each_other_are_both_found(tmp_path: Path) -> None:
+    """A stranger's had one of nearly twice the compliance, and four pushes: asked alone, one takes
+    most of what both do."""
+    write_recordings(tmp_path, ARM, 3, truth=LIMP_ARM)
+    report = analyse(tmp_path).report
+    found = {effect["joint"]: effect for effect in report["effects"]}
+    assert names(report) == {("series_elasticity", "shoulder"), ("series_elasticity", "elbow")}
+    for joint, stiffness in (("shoulder", 900.0), ("elbow", 60.0)):
+        compliance = found[joint]["parameters"]["compliance"]["value"]
+        assert compliance == pytest.approx(1 / stiffness, rel=0.05)
     assert all(not left["events"] for left in report["unexplained"].values())
 
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Candidate, Model, unfitted
+from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME

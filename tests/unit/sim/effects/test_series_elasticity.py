@@ -8,6 +8,8 @@ import pytest
 from analysis.closeloop.identification.balance.model import unfitted
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
+from sim.effects.laws.loose_link import springs_apart
+from sim.effects.motion import Spring
 from tests.testbed.sessions.rich import ELBOW
 
 ELASTIC = BY_NAME["series_elasticity"]
@@ -69,6 +71,71 @@ def test_the_column_is_what_a_limb_on_a_spring_changes(
         assert np.sqrt(np.mean(difference**2)) < 0.03 * np.sqrt(np.mean(torque**2))
 
 
+def test_two_springs_are_one_system_in_which_each_link_shakes_the_other(
+    recording: Recording,
+) -> None:
+    """One added to the other adds what it changes of that one's, too; apart, each has its own."""
+    joint = unfitted(recording, ELBOW)
+    time = recording.time
+    loads = np.column_stack([np.cos(2 * np.pi * time), 0.5 * np.sin(6 * np.pi * time)])
+    thetas = {
+        OTHER: {"resonance": 4.0, "damping_ratio": 0.2},
+        ELBOW: {"resonance": 6.0, "damping_ratio": 0.1},
+    }
+    both = (OTHER, ELBOW)
+    inertia, drag, held = (
+        np.stack([of(number)[:, both] for number in both], axis=-1)
+        for of in (recording.inertia, recording.drag, lambda number: recording.secant(number, 1e-4))
+    )
+    springs, own = np.zeros(2), np.zeros(2)
+    for number in both:
+        inertia[:, number, number] -= recording.motor_inertia(number)
+        drag[:, number, number] -= recording.motor_damping(number)
+        mean = inertia[:, number, number].mean()
+        springs[number] = mean * (2 * np.pi * thetas[number]["resonance"]) ** 2
+        own[number] = 2 * thetas[number]["damping_ratio"] * np.sqrt(springs[number] * mean)
+        held[:, number, number] += springs[number]
+        drag[:, number, number] += own[number]
+    twist, rate, steps = np.linalg.solve(held[0], loads[0]), np.zeros(2), 50
+    expected, elsewhere = [], []
+    for now, load in enumerate(loads):
+        twice = np.linalg.solve(inertia[now], load - drag[now] @ rate - held[now] @ twist)
+        expected.append(springs * twist + own * rate - load)
+        across = inertia[now] * twice + drag[now] * rate + held[now] * twist
+        elsewhere.append(-across[(0, 1), (1, 0)])
+        following = loads[min(now + 1, len(loads) - 1)]
+        for part in range(steps):
+            pull = load + (following - load) * part / steps
+            there = pull - drag[now] @ rate - held[now] @ twist
+            rate = rate + np.linalg.solve(inertia[now], there) / RATE / steps
+            twist = twist + rate / RATE / steps
+    torque, felt = np.array(expected), np.array(elsewhere)
+    estimate = replace(joint.estimate, carried=loads, residual=recording.filtered(torque))
+
+    apart = springs_apart(replace(joint, estimate=estimate), thetas)
+    for number, other in (both, both[::-1]):
+        assert alike(apart[other][number][:, 0] / springs[other], felt[:, number])
+        assert alike(
+            apart[number][number][:, 0] / springs[number], torque[:, number] - felt[:, number]
+        )
+
+    first = np.column_stack([columns[:, 0] for columns in apart[OTHER].values()]) / springs[OTHER]
+    beside = replace(
+        estimate,
+        carried=loads + first,
+        residual=estimate.residual - recording.filtered(first),
+        springs={OTHER: Spring(thetas[OTHER], first)},
+    )
+    added = ELASTIC.columns(replace(joint, estimate=beside), thetas[ELBOW])
+    for number in both:
+        assert alike(added[number][:, 0] / springs[ELBOW] + first[:, number], torque[:, number])
+
+
+def alike(found: np.ndarray, torque: np.ndarray) -> bool:
+    difference = np.sqrt(np.mean((found - torque) ** 2))
+    return bool(difference < 0.03 * np.sqrt(np.mean(torque**2)))
+
+
 def test_a_limb_that_would_fall_off_its_spring_has_a_finite_column(recording: Recording) -> None:
     joint = unfitted(recording, ELBOW)
     falling = replace(
@@ -88,13 +155,16 @@ def test_a_compliance_has_the_size_that_its_resonance_says(recording: Recording)
 
 
 def test_a_swing_that_is_over_before_it_shows_is_not_fitted(recording: Recording) -> None:
-    """To noise at its end, it would be as large as anything at its beginning."""
+    """To noise at its end, it would be as large as anything at its beginning.
+
+    Nor is one that is quicker than the low-pass lets through.
+    """
     joint = unfitted(recording, ELBOW)
     noise = np.random.default_rng(0).standard_normal(recording.position.shape)
     still = replace(joint.estimate, residual=np.zeros_like(noise))
     loud = replace(joint.estimate, residual=recording.filtered(noise))
-    for ratio, same in ((0.1, False), (0.9, True)):
-        theta = {"resonance": 17.0, "damping_ratio": ratio}
+    for hertz, ratio, same in ((8.0, 0.1, False), (8.0, 0.9, True), (25.0, 0.05, True)):
+        theta = {"resonance": hertz, "damping_ratio": ratio}
         one, other = (
             ELASTIC.columns(replace(joint, estimate=estimate), theta)[ELBOW]
             for estimate in (still, loud)

@@ -5,14 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Channel,
-    Model,
-    evaluate,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Channel
 from analysis.closeloop.identification.candidates import (
     _try,
     options_beside,

@@ -9,14 +9,9 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.balance import luck
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    Term,
-    evaluate,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.candidates import options_beside
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.forms import only_form

@@ -6,15 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.balance.declared import PLACED
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Channel,
-    Model,
-    Term,
-    evaluate,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import Score, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.holding import determined, held_in_octaves
 from analysis.closeloop.session.recording import Recording

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.balance.luck import MIN_GAIN
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    Term,
-    evaluate,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME

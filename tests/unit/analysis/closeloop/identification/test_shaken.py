@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.findings import Grown
 from analysis.closeloop.identification.growing.shaken import shaken
 from analysis.closeloop.identification.growing.steps import grow

@@ -5,15 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    Term,
-    evaluate,
-    impedances,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, impedances, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.winding import with_winding
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, VISCOELASTIC

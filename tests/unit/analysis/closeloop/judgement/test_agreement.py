@@ -7,15 +7,9 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    Term,
-    evaluate,
-    impedances,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, impedances, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Option, Outcome, Step, Trace
 from analysis.closeloop.judgement.agreement import agreed

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Model, Term, unfitted
+from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Term
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.events import find_events, spared, upper_octave
 from analysis.closeloop.session.contents import Trial

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Model, Term, unfitted
+from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Term
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.judgement.structure import score_test, structures
 from analysis.closeloop.session.recording import Recording

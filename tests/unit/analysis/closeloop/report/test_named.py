@@ -9,14 +9,9 @@ import pytest
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.balance.declared import PLACED
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    Term,
-    evaluate,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
 from analysis.closeloop.report.named import (
     _if_it_can_be,

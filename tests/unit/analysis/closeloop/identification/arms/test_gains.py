@@ -10,13 +10,9 @@ from analysis.closeloop.identification.arms.gains import (
     gain_or_payload,
     untold_gain,
 )
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    evaluate,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import compare, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.nameable import beyond_physics

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms.hidden import beside_friction
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.findings import Grown
 from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.session.recording import Recording

@@ -7,14 +7,13 @@ import pytest
 
 from analysis.closeloop.identification.arms.holdouts import not_worse
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
     Model,
-    Term,
     evaluate,
     unfitted,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording

@@ -24,14 +24,13 @@ from analysis.closeloop.identification.arms.zeros import (
     with_zeros,
 )
 from analysis.closeloop.identification.balance.model import (
-    Candidate,
     Model,
-    Term,
     evaluate,
     unfitted,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.session.chain.link_torque import chain_motion
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from analysis.closeloop.identification.balance.accuracy import _best, _share, settled
-from analysis.closeloop.identification.balance.model import Candidate, Model, Term, unfitted
+from analysis.closeloop.identification.balance.model import Model, unfitted
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import ELBOW, rich_elbow

@@ -4,14 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Channel,
-    Model,
-    Term,
-    estimate_of,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, estimate_of, unfitted
+from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.rich import ELBOW

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Candidate, Model, Term
+from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.presence import _sure, surely_there
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.balance.uncertainty import Fits
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.coupled import moving

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Model, Term, unfitted
+from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.sticking import friction_of, sliding, sticking
+from analysis.closeloop.identification.balance.terms import Term
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.moved import moved

@@ -5,15 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import (
-    Candidate,
-    Model,
-    Term,
-    evaluate,
-    prediction,
-    unfitted,
-)
+from analysis.closeloop.identification.balance.model import Model, evaluate, prediction, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.friction.at_turns import with_peak_at_turns, with_turns
 from analysis.closeloop.session.recording import Recording

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate, unfitted
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import with_law
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.friction.excess import with_settled_excess

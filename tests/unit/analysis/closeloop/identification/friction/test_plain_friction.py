@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
-from analysis.closeloop.identification.balance.model import Candidate, Model, evaluate
+from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.friction.plain_friction import (
     with_peaked_friction,
