@@ -174,7 +174,8 @@ def test_a_worker_waits_for_a_coordinator_that_is_not_there_yet_and_outlasts_its
     lab.coordinator.kill()
     lab.coordinator.wait()
     lab.start_coordinator()
-    until(lambda: lab.client.progress(study)["state"] == "complete")
+    # A lease that was granted as it was killed reached nobody, and ends after its minute.
+    until(lambda: lab.client.progress(study)["state"] == "complete", 90.0)
     assert lab.client.progress(study)["ok"] == 2000
     worker.terminate()
     assert worker.wait(20) == 0
