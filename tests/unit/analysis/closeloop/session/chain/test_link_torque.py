@@ -2,7 +2,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.closeloop.session.chain.link_torque import carriers, chain_motion
+from analysis.closeloop.session.chain.link_torque import (
+    WAYS,
+    Of,
+    Tangents,
+    carriers,
+    chain_motion,
+)
 from sim.effects.rigid import point_mass, point_mass_slopes
 
 ARM = """<mujoco><worldbody><body pos="0 0 1"><joint name="a" axis="0 0 1"/>
@@ -28,18 +34,46 @@ def inverse(spec: mujoco.MjSpec, motion: np.ndarray) -> np.ndarray:
     return out
 
 
-@pytest.mark.parametrize("name", ["b", "c", "tool"])
-def test_a_load_takes_what_mujoco_says(name: str, motion: np.ndarray) -> None:
+PLACE = np.array([0.3, -0.2, 0.1])
+
+
+def taken(name: str, motion: np.ndarray) -> np.ndarray:
+    """Return what MuJoCo says that a kilogram at `PLACE` takes of every joint, (n, joints)."""
     spec = mujoco.MjSpec.from_string(ARM)
     bare = inverse(spec, motion)
-    place = np.array([0.3, -0.2, 0.1])
-    load = spec.body(name).add_body(pos=place)
+    load = spec.body(name).add_body(pos=PLACE)
     load.explicitinertial, load.mass, load.inertia = True, 1.0, [1e-9] * 3
     load.ipos = [0.0, 0.0, 0.0]
-    loaded = inverse(spec, motion)
+    return inverse(spec, motion) - bare
+
+
+@pytest.mark.parametrize("name", ["b", "c", "tool"])
+def test_a_load_takes_what_mujoco_says(name: str, motion: np.ndarray) -> None:
     model = mujoco.MjSpec.from_string(ARM).compile()
     torque = chain_motion(model, *motion).link_torque(model.body(name).id)
-    assert torque @ point_mass(place) == pytest.approx(loaded - bare, abs=1e-6)
+    assert torque @ point_mass(PLACE) == pytest.approx(taken(name, motion), abs=1e-6)
+
+
+@pytest.mark.parametrize(("number", "of"), list(enumerate(WAYS)))
+@pytest.mark.parametrize("joint", range(3))
+def test_a_load_takes_more_where_a_joint_moves_otherwise(
+    number: int, of: Of, joint: int, motion: np.ndarray
+) -> None:
+    """Gravity, and all that hangs from one joint, changes with where another is."""
+    ahead, behind = motion.copy(), motion.copy()
+    ahead[number, :, joint] += 0.5e-3
+    behind[number, :, joint] -= 0.5e-3
+    expected = (taken("c", ahead) - taken("c", behind)) / 1e-3
+    model = mujoco.MjModel.from_xml_string(ARM)
+    tangents = Tangents(model, (*motion,), np.arange(motion.shape[1]), np.asarray)
+    found = tangents.gained(of, joint, {model.body("c").id: point_mass(PLACE)})
+    assert found == pytest.approx(expected, abs=1e-4)
+
+
+def test_a_chain_as_declared_gains_nothing(motion: np.ndarray) -> None:
+    model = mujoco.MjModel.from_xml_string(ARM)
+    tangents = Tangents(model, (*motion,), np.arange(motion.shape[1]), np.asarray)
+    assert not np.any(tangents.gained("place", 0, {}))
 
 
 def test_what_holds_a_joint_in_a_gravity_is_what_mujoco_says(motion: np.ndarray) -> None:
