@@ -118,7 +118,11 @@ def add_spring(joint: "mujoco.MjsJoint", stiffness: float, neutral: float) -> No
 
 
 def add_point_mass(
-    spec: "mujoco.MjSpec", joint: str, mass: float, place: float | Sequence[float]
+    spec: "mujoco.MjSpec",
+    joint: str,
+    mass: float,
+    place: float | Sequence[float],
+    own_inertia: float = 0.0,
 ) -> None:
     """Add `mass` (kg; negative takes away) to the body that a joint moves.
 
@@ -127,6 +131,7 @@ def add_point_mass(
         joint: its name.
         mass: kg.
         place: where in the body's frame, m; one number is a distance towards its centre of mass.
+        own_inertia: of the mass about every axis through its centre, kg m2.
 
     Raises:
         ValueError: no body can have the mass or the inertia that would be left.
@@ -145,7 +150,7 @@ def add_point_mass(
     frame = np.empty(9)
     mujoco.mju_quat2Mat(frame, model.body_iquat[number])
     axes = frame.reshape(3, 3)
-    inertia = axes @ np.diag(model.body_inertia[number]) @ axes.T
+    inertia = axes @ np.diag(model.body_inertia[number]) @ axes.T + own_inertia * np.eye(3)
     joined = (own * centre + mass * at) / (own + mass)
     for part, there in ((own, centre), (mass, at)):
         d = there - joined

@@ -11,6 +11,10 @@ def point_mass(position: np.ndarray) -> np.ndarray:
     )
 
 
+#: Those of a body without mass whose inertia about every axis through its centre is 1 kg m2.
+BALL = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+
+
 def point_mass_slopes(position: np.ndarray) -> np.ndarray:
     """Return how these parameters change with each coordinate, (10, 3)."""
     x, y, z = position

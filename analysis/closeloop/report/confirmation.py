@@ -186,7 +186,8 @@ def _hung(entry: Mapping[str, Any], key: str) -> AddedMass | None:
         return None
     # What no joint feels may be anything.
     x, y, z = (0.0 if way is None else way for way in place)
-    return AddedMass(body=entry["body"], mass=mass, position=(x, y, z))
+    inertia = entry["parameters"].get("inertia", {}).get(key) or 0.0
+    return AddedMass(body=entry["body"], mass=mass, position=(x, y, z), inertia=inertia)
 
 
 def simulate(

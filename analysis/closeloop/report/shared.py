@@ -20,7 +20,7 @@ from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.findings import Carried
 from analysis.closeloop.session.recording import Recording
-from sim.effects.laws.inertia import PLACE
+from sim.effects.laws.inertia import OWN_INERTIA, PLACE
 
 INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
 GAINS = (
@@ -256,6 +256,9 @@ def _payloads(
         found[term.load.name, term.load.body] = {
             "mass": payload_mass(mass, float(half[0]), felt=felt),
             "position": place_entry(value, half, term.kept, model.recording.reach(term.joint)),
+            "inertia": _inertia_entry(
+                term.kept, own, spread.of_term(number, own, lambda fits: fits)
+            ),
         }
     return found
 
@@ -271,6 +274,21 @@ def payload_mass(mass: float, half: float, *, felt: bool) -> dict[str, Any]:
     if felt and mass == 0.0:
         return {"value": None, "ci90": None, "unit": "kg", "refused": WEIGHTLESS}
     return {"value": mass, "ci90": [max(mass - half, 0.0), mass + half], "unit": "kg"}
+
+
+def _inertia_entry(kept: Sequence[int], own: np.ndarray, half: np.ndarray) -> dict[str, Any]:
+    """Return the entry of a payload's own inertia; without a value where no trial tells it.
+
+    Args:
+        kept: columns of the payload that were fitted.
+        own: their coefficients.
+        half: of their intervals.
+    """
+    if OWN_INERTIA not in kept:
+        why = "these trials do not determine it: a point mass was fitted"
+        return {"value": None, "ci90": None, "unit": "kg m2", "refused": why}
+    value, width = float(own[-1]), float(half[-1])
+    return {"value": value, "ci90": [max(value - width, 0.0), value + width], "unit": "kg m2"}
 
 
 def place_entry(

@@ -25,12 +25,14 @@ class DeclaredEffect:
 
 @dataclass(frozen=True, kw_only=True)
 class AddedMass:
-    """A known point mass that one trial carried."""
+    """A known load that one trial carried."""
 
     body: str
     mass: float
     #: In the body's frame, m.
     position: tuple[float, float, float]
+    #: About every axis through its centre, kg m2.
+    inertia: float = 0.0
 
     def hang(self, spec: "mujoco.MjSpec") -> None:
         """Hang the mass on its body of `spec`."""
@@ -40,8 +42,8 @@ class AddedMass:
         # Without it MuJoCo takes the body's own position for its centre of mass, and doubles the
         # lever.
         body.ipos = [0.0, 0.0, 0.0]
-        # MuJoCo wants a positive inertia; this one is a sphere of a millimetre.
-        body.inertia = [max(1e-12, 4e-7 * self.mass)] * 3
+        # MuJoCo wants a positive inertia; the least is a sphere's of a millimetre.
+        body.inertia = [max(self.inertia, 1e-12, 4e-7 * self.mass)] * 3
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,13 +14,15 @@ from sim.effects.elements import add_point_mass, joint_of
 from sim.effects.functions import Signal
 from sim.effects.motion import Motion, RecordedJoint, Recording
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, Values, named
-from sim.effects.rigid import point_mass, point_mass_slopes
+from sim.effects.rigid import BALL, point_mass, point_mass_slopes
 
 if TYPE_CHECKING:
     import mujoco
 
 #: Parameters of a place in a link's frame.
 PLACE = ("position_x", "position_y", "position_z")
+#: Number of the column of its own inertia.
+OWN_INERTIA = 4
 #: Mass below which a place means nothing, kg, and the longest way to go at once, m.
 LEAST_LOAD, LONGEST_WAY = 1e-3, 0.3
 #: No robot carries so many times what all its links weigh.
@@ -124,32 +126,37 @@ class Payload(Effect):
         place = [parameters.get(name, 0.0) for name in PLACE]
         if not parameters.keys() & {"distance", *PLACE}:
             raise ValueError("nothing says where it hangs")
-        add_point_mass(spec, joint, parameters["mass"], parameters.get("distance", place))
+        at, inertia = parameters.get("distance", place), parameters.get("inertia", 0.0)
+        add_point_mass(spec, joint, parameters["mass"], at, inertia)
         return self.element
 
 
 class PlacedPayload(Payload):
     """The same where several joints show it: its place in the link's frame, three numbers.
 
-    Torque is linear in the mass, and about a place in the mass times a small way from it.
+    Torque is linear in the mass, about a place in the mass times a small way from it, and in the
+    load's inertia about its own centre of mass, the same about every axis: a ball's, since a link
+    that turns about few axes tells no more.
     """
 
-    complexity = 4
+    complexity = 5
     parameters = named(
         mass=Parameter("kg", "mass on the robot's link", floor=0.0),
         **{
             name: Parameter("m", "where its centre of mass is, in the link's frame")
             for name in PLACE
         },
+        inertia=Parameter("kg m2", "its inertia about its own centre of mass", floor=0.0),
     )
     coefficients = ()
-    lower = (0.0, -np.inf, -np.inf, -np.inf)
+    lower = (0.0, -np.inf, -np.inf, -np.inf, 0.0)
     nonlinear = ()
 
     def limits(self, joint: RecordedJoint) -> Limits:
         reach = joint.recording.reach(joint.number)
         most = MOST_LOAD * joint.recording.mass
-        return {"mass": (0.0, most), **dict.fromkeys(PLACE, (-reach, reach))}
+        place = dict.fromkeys(PLACE, (-reach, reach))
+        return {"mass": (0.0, most), **place, "inertia": (0.0, most * reach**2)}
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         recording = joint.recording
@@ -168,17 +175,32 @@ class PlacedPayload(Payload):
         return np.asarray(way * min(1.0, LONGEST_WAY / max(float(np.linalg.norm(way)), 1e-300)))
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
-        return {"mass": Reading(column=0)} | {
-            name: Reading(column=number, over=0, value=theta[name])
-            for number, name in enumerate(PLACE, start=1)
-        }
+        return (
+            {"mass": Reading(column=0)}
+            | {
+                name: Reading(column=number, over=0, value=theta[name])
+                for number, name in enumerate(PLACE, start=1)
+            }
+            | {"inertia": Reading(column=OWN_INERTIA)}
+        )
+
+
+def tells_inertia(variance: float, mass: float) -> bool:
+    """Whether a load's own inertia is told to better than that of one a hand's breadth wide.
+
+    Args:
+        variance: of its estimate from the samples of one second, kg2 m4; 0 if nothing tells it.
+        mass: the load's, kg.
+    """
+    return 0.0 < variance < (OFF_LINE**2 * max(mass, LEAST_LOAD)) ** 2
 
 
 def load_columns(recording: Recording, body: int, place: np.ndarray) -> Columns:
-    """Return what one kilogram at `place` of a body takes, and one of it a metre further.
+    """Return what one kilogram at `place` of a body takes, one of it a metre further, and 1 kg m2.
 
     Returns:
-        Of every analysed joint the columns of mass and of mass times way along x, y and z, (n, 4).
+        Of every analysed joint the columns of mass, of mass times way along x, y and z, and of
+        inertia about the own centre, (n, 5).
     """
     turn = load_parameters(place)
     torque = recording.link_torque(body)
@@ -186,11 +208,11 @@ def load_columns(recording: Recording, body: int, place: np.ndarray) -> Columns:
 
 
 def load_parameters(place: np.ndarray) -> np.ndarray:
-    """Return the inertial parameters of a mass at `place`, and of it a way further, (10, 4).
+    """Return the inertial parameters of a load at `place`, (10, 5).
 
-    Of one kilogram in the first column, of one kg m along x, y and z in the others.
+    Of one kilogram in the first column, of one kg m along x, y and z, and of one kg m2 in the last.
     """
-    return np.column_stack([point_mass(place), point_mass_slopes(place)])
+    return np.column_stack([point_mass(place), point_mass_slopes(place), BALL])
 
 
 class LinkInertia(Effect):

@@ -4,6 +4,8 @@ About an upright axis inertia and friction are all that a motor has to do, and a
 other inertia and friction: then both are said.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED
@@ -18,6 +20,7 @@ from analysis.closeloop.identification.selection import EQUAL_SHARE
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Effect
 from sim.effects.laws.drive import AnyGain
+from sim.effects.laws.inertia import OWN_INERTIA, PlacedPayload
 
 GAIN, INERTIA = BY_NAME["torque_gain"], BY_NAME["added_inertia"]
 ANY_GAIN, PAYLOAD = AnyGain(), BY_NAME["payload"]
@@ -31,9 +34,10 @@ def with_gains(model: Model, rows: Rows) -> Model:
 
     What is ordinary is asked of every joint at once, before anything else. Together inertia,
     friction and a load do most of what a gain does, and beside them a gain has nothing to show. So
-    it is tried in their place: of the joint's own, then of these and what all joints share. It has
-    to predict left-out groups better; where it stands for several, as well is enough. The joint at
-    which it predicts best is the first: beside a load that stands for its gain, others seem wrong.
+    it is tried in their place: of the joint's own, of a load's inertia, and of what joints share.
+    It has to predict left-out groups better; where it stands for several, as well is enough. The
+    joint at which it predicts best is the first: beside a load that stands for its gain, others
+    seem wrong.
     """
     while True:
         found = [one for joint in rows.joints if (one := _gain_at(model, rows, joint))]
@@ -60,9 +64,28 @@ def _gain_at(model: Model, rows: Rows, joint: int) -> tuple[Model, Score] | None
         return None
     shared = [c for c in model.effects if c.effect.name in SHARED]
     own = [c for c in model.effects if c.joint == joint and c not in shared]
-    either = [gone for gone in (own, [*own, *shared] if shared else []) if gone]
-    changed = (_instead(model, rows, gone, gain) for gone in either)
+    rest = model.keeping(lambda other: other not in own)
+    point = _with_points(rest)
+    either = [(len(own), rest)] if own else []
+    if point is not rest:
+        either.append((len(own) + 1, point))
+    if shared:
+        either.append((len(own) + len(shared), rest.keeping(lambda other: other not in shared)))
+    changed = (_instead(model, rows, beside, gain, many=many > 1) for many, beside in either)
     return next((one for one in changed if one is not None), None)
+
+
+def _with_points(model: Model) -> Model:
+    """Return the model whose found loads have no inertia of their own, if any has."""
+    terms = [
+        replace(term, kept=tuple(number for number in term.kept if number != OWN_INERTIA))
+        if term.candidate and isinstance(term.effect, PlacedPayload)
+        else term
+        for term in model.terms
+    ]
+    if all(old.kept == new.kept for old, new in zip(model.terms, terms, strict=True)):
+        return model
+    return replace(model, terms=tuple(terms))
 
 
 def gain_of_all(model: Model, coefficients: np.ndarray, rows: Rows) -> float | None:
@@ -94,14 +117,14 @@ def _keys(model: Model) -> set[tuple[str, int]]:
 
 
 def _instead(
-    model: Model, rows: Rows, gone: list[Candidate], gain: Candidate
+    model: Model, rows: Rows, rest: Model, gain: Candidate, *, many: bool
 ) -> tuple[Model, Score] | None:
-    """Return the model with the gain in the place of some effects, if that is as it should be."""
-    found = tried_alone(model.keeping(lambda other: other not in gone), rows, gain)
+    """Return `rest` with the gain in the place of what it lacks, if that is as it should be."""
+    found = tried_alone(rest, rows, gain)
     if found is None:
         return None
     better, error = compare(evaluate(model, rows).losses, found[1].losses)
-    return found if better > (error if len(gone) == 1 else -error) else None
+    return found if better > (-error if many else error) else None
 
 
 def alike(option: Option, rest: Model, rows: Rows) -> tuple[Option, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from analysis.closeloop.identification.arms.agreed import SHARED, shared_by_joints, sure
 from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit, loaded
-from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN
+from analysis.closeloop.identification.balance.luck import MIN_GAIN, MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import (
     Model,
     evaluate,
@@ -136,23 +136,27 @@ def with_links(model: Model, links: Links, change: np.ndarray) -> Model:
 
 
 def with_heavier_link(model: Model, rows: Rows) -> Model:
-    """Put a link of another mass in the place of a payload on it that predicts less.
+    """Put a link of another mass in the place of a payload on it that predicts little better.
 
-    A link that is heavier throughout is one number. A load is up to four, and no mass at one place
-    has the inertia of what is spread over a link.
+    A link that is heavier throughout is one number, a load up to five; and a gain may stand for
+    what the load is not.
     """
     recording = model.recording
     links = links_of(recording)
+    before = evaluate(model, rows)
     loads = [c for c in model.effects if isinstance(c.effect, PlacedPayload)]
+    without_gains = model.keeping(lambda other: other.effect.name != GAIN.name)
     for load in loads if model.given is None else ():
         body = recording.body(load.joint)
         if body not in links.bodies:
             continue
-        link, rest = links.only((body,)), model.without(load)
+        link = links.only((body,))
         torque = recording.link_torque(body) @ link.declared[0]
         columns = {joint: torque[:, [joint]] for joint in recording.joints}
-        score = evaluate(rest.with_term(Term(joint=load.joint, columns=columns, kept=(0,))), rows)
-        lost, error = compare(score.losses, evaluate(model, rows).losses)
-        if lost < -error:
-            return with_links(rest, link, score.coefficients[-1] * link.declared)
+        for rest in (without_gains.without(load), model.without(load)):
+            heavier = rest.with_term(Term(joint=load.joint, columns=columns, kept=(0,)))
+            score = evaluate(heavier, rows)
+            lost, error = compare(score.losses, before.losses)
+            if lost <= max(error, MIN_GAIN * before.loss):
+                return with_links(rest, link, score.coefficients[-1] * link.declared)
     return model

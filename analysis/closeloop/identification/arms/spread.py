@@ -19,6 +19,7 @@ from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.terms import Term
+from sim.effects.laws.inertia import PLACE
 
 #: Parts of every trial that are left out in turn.
 PARTS = 10
@@ -111,7 +112,7 @@ def mass_and_place(model: Model, term: Term, own: np.ndarray) -> np.ndarray:
     values = {number: values.get(number, np.zeros(len(own))) for number in range(4)}
     values[0] = np.maximum(values[0], NO_MASS)
     readings = PLACED.readings(unfitted(model.recording, term.joint), term.theta)
-    return np.column_stack([np.asarray(reading.of(values)) for reading in readings.values()])
+    return np.column_stack([np.asarray(readings[name].of(values)) for name in ("mass", *PLACE)])
 
 
 def _times(rows: Rows) -> np.ndarray:

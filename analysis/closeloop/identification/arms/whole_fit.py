@@ -27,8 +27,14 @@ from analysis.closeloop.identification.balance.model import Model, unfitted, wit
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.balance.terms import Candidate, Term, kept_columns
 from analysis.closeloop.session.chain.link_torque import carriers
-from sim.effects.laws.inertia import LEAST_LOAD, MOST_LOAD, PLACE
-from sim.effects.rigid import point_mass, point_mass_slopes
+from sim.effects.laws.inertia import (
+    LEAST_LOAD,
+    MOST_LOAD,
+    OWN_INERTIA,
+    PLACE,
+    load_parameters,
+    tells_inertia,
+)
 
 #: How much more than one second's rows the declared links may count, firmest first.
 STRENGTHS = (100.0, 10.0, 1.0)
@@ -45,8 +51,8 @@ class Fitted:
     #: Held-out residual of every row, (r,), and its square over every block, (blocks,).
     left: np.ndarray
     losses: np.ndarray
-    #: Number of the link that carries a payload, its place, its mass, and along which of the
-    #: link's axes the rows tell the place.
+    #: Number of the link that carries a payload, its place, its mass, and the columns of a load
+    #: that the rows tell beside its mass.
     link: int | None = None
     place: np.ndarray | None = None
     mass: float = 0.0
@@ -91,7 +97,7 @@ class WholeFit:
 
         In units of the rows of one second and joint, as if these were one observation.
         """
-        second = len(self.rows.weight) / (int(self.rows.block.max()) + 1)
+        second = self.rows.of_one_second
         every = np.arange(self.size)
         tried = [self._with_links(every, second * times) for times in STRENGTHS]
         best = min(tried, key=lambda fitted: fitted.loss)
@@ -219,13 +225,12 @@ class WholeFit:
         own = np.arange(PARAMETERS) + self.size + PARAMETERS * number
         index = self.columns_of(terms)
         place = self.links.declared[number, 1:4] / self.links.declared[number, 0]
-        told = self._told(self._turn(index, own, place, range(3)), self.reach(number))
-        lower = np.concatenate([self.lower[index], [0.0], np.full(len(told), -np.inf)])
+        told = self._told(index, own, place, number)
+        lower = np.concatenate([self.lower[index], np.array(PLACED.lower)[list(told)]])
         for _ in range(PLACE_STEPS):
             turn = self._turn(index, own, place, told)
-            mass, *ways = solve(turn.T @ self.total @ turn, lower)[len(index) :].tolist()
-            kept = (0, *(axis + 1 for axis in told))
-            step = PLACED.way(dict(zip(kept, (mass, *ways), strict=True)))
+            found = solve(turn.T @ self.total @ turn, lower)[len(index) :].tolist()
+            step = PLACED.way(dict(zip(told, found, strict=True)))
             place = place + step
             if np.linalg.norm(step) < PLACE_TOLERANCE:
                 break
@@ -238,17 +243,27 @@ class WholeFit:
         mass = float(solve(turn.T @ self.total @ turn, lower)[len(index)])
         return replace(scored, link=number, place=place, mass=mass, told=told)
 
-    def _told(self, turn: np.ndarray, reach: float) -> tuple[int, ...]:
-        """Return along which axes the place of a load is told to better than the arm's reach, m.
+    def _told(
+        self, index: np.ndarray, own: np.ndarray, place: np.ndarray, number: int
+    ) -> tuple[int, ...]:
+        """Return the columns of a load on link `number` that the rows tell, its mass among them.
 
-        As if the rows of one second were one observation.
+        Its place along an axis to better than the arm's reach, then its own inertia beside it; as
+        if the rows of one second were one observation.
         """
-        gram = turn.T @ self.total @ turn
-        mass = float(solve(gram, np.full(len(gram) - 1, -np.inf))[-4])
-        second = len(self.rows.weight) / (int(self.rows.block.max()) + 1)
-        variance = second * np.diag(inverse_of(gram[:-1, :-1]))[-3:]
-        told = (variance > 0.0) & (np.sqrt(variance) < reach * max(mass, LEAST_LOAD))
-        return tuple(np.flatnonzero(told).tolist())
+
+        def known(asked: Sequence[int]) -> tuple[float, np.ndarray]:
+            turn = self._turn(index, own, place, asked)
+            gram = turn.T @ self.total @ turn
+            mass = float(solve(gram, np.full(len(gram) - 1, -np.inf))[len(index)])
+            variance = np.diag(inverse_of(gram[:-1, :-1]))[len(index) :]
+            return mass, self.rows.of_one_second * variance
+
+        mass, variance = known((0, 1, 2, 3))
+        told = (variance > 0.0) & (np.sqrt(variance) < self.reach(number) * max(mass, LEAST_LOAD))
+        kept = (0, *(np.flatnonzero(told[1:]) + 1).tolist())
+        mass, variance = known((*kept, OWN_INERTIA))
+        return (*kept, OWN_INERTIA) if tells_inertia(float(variance[-1]), mass) else kept
 
     def reach(self, number: int) -> float:
         """Return how far from the frame of link `number` the arm reaches, m."""
@@ -274,12 +289,11 @@ class WholeFit:
     ) -> np.ndarray:
         """Return what makes of the table's columns those of some terms, a load and the target.
 
-        Of the load its mass, and mass times how far it lies from `place` along the axes `told`.
+        Of a load about `place` the columns `told`.
         """
-        turn = np.zeros((self.table.shape[1], len(index) + 1 + len(told) + 1))
+        turn = np.zeros((self.table.shape[1], len(index) + len(told) + 1))
         turn[index, np.arange(len(index))] = 1.0
-        turn[own, len(index)] = point_mass(place)
-        turn[own, len(index) + 1 : -1] = point_mass_slopes(place)[:, list(told)]
+        turn[own, len(index) : -1] = load_parameters(place)[:, list(told)]
         turn[-1, -1] = 1.0
         return turn
 
@@ -316,6 +330,5 @@ def loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
         candidate=Candidate(effect=PLACED, joint=joint),
     )
     *others, hung = with_independent(model, term, rows).terms
-    told = (0, *(axis + 1 for axis in load.told))
-    kept = tuple(column for column in hung.kept if column in told)
+    kept = tuple(column for column in hung.kept if column in load.told)
     return replace(model, terms=(*others, replace(hung, kept=kept)))

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
+from analysis.closeloop.identification.balance.least_squares import inverse_of
 from analysis.closeloop.identification.balance.model import (
     Model,
     evaluate,
@@ -24,7 +25,7 @@ from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
 from sim.effects.catalogue import BY_NAME, law_of
 from sim.effects.effect import Columns, Effect, Theta
-from sim.effects.laws.inertia import PLACE, PlacedPayload, load_columns
+from sim.effects.laws.inertia import OWN_INERTIA, PLACE, PlacedPayload, load_columns, tells_inertia
 from sim.effects.rigid import point_mass
 
 PLACED = PlacedPayload()
@@ -163,12 +164,13 @@ def naming(recording: Recording, loads: Mapping[int, HungLoad]) -> Recording:
 
 
 def load_about(recording: Recording, load: HungLoad, place: np.ndarray) -> Term:
-    """Return a term for a load that trials of the session name, about `place`, m, (3,)."""
+    """Return a term for a point mass that trials of the session name, about `place`, m, (3,)."""
     theta, chain = dict(zip(PLACE, place.tolist(), strict=True)), recording.device.model
+    columns = hung_columns(recording, load, theta)
     return Term(
         effect=PLACED,
         joint=carriers(chain, chain.body(load.body).id)[0],
-        columns=_hung(recording, load, theta),
+        columns={joint: own[:, :OWN_INERTIA] for joint, own in columns.items()},
         lower=PLACED.lower,
         theta=theta,
         load=load,
@@ -192,7 +194,24 @@ def with_load(model: Model, rows: Rows, load: HungLoad) -> Model:
     moved = placed(at(_likeliest(model, rows, load, found.terms[-1].joint)), rows)
     # Where its link's axis goes through the origin no mass is felt there, and none is told.
     less = LESS if 0 in found.terms[-1].kept else 1.0
-    return moved if _misfit(moved, rows) < less * _misfit(found, rows) else found
+    best = moved if _misfit(moved, rows) < less * _misfit(found, rows) else found
+    return _with_inertia(best, rows)
+
+
+def _with_inertia(model: Model, rows: Rows) -> Model:
+    """Return the model with an inertia of its last load's own, if the rows tell it."""
+    *others, point = model.terms
+    assert point.load is not None
+    before = replace(model, terms=tuple(others))
+    load = replace(point, columns=hung_columns(model.recording, point.load, point.theta))
+    tried = placed(with_independent(before, load, rows), rows)
+    own = tried.terms[-1].kept
+    if own != (*point.kept, OWN_INERTIA):
+        return model
+    fitted, (base, _) = evaluate(tried, rows), tried.base(rows)
+    mass = float(fitted.coefficients[-len(own)]) if own[0] == 0 else 0.0
+    variance = fitted.sse / len(base) * float(inverse_of(base.T @ base)[-1, -1])
+    return tried if tells_inertia(rows.of_one_second * variance, mass) else model
 
 
 def hung_again(model: Model, rows: Rows) -> Model:
@@ -322,10 +341,10 @@ def _moved_by(recording: Recording, term: Term, step: np.ndarray) -> Term:
     if term.load is None:
         columns = term.effect.columns(unfitted(recording, term.joint), theta)
         return replace(term, theta=theta, columns=columns)
-    return replace(term, theta=theta, columns=_hung(recording, term.load, theta))
+    return replace(term, theta=theta, columns=hung_columns(recording, term.load, theta))
 
 
-def _hung(recording: Recording, load: HungLoad, theta: Theta) -> Columns:
+def hung_columns(recording: Recording, load: HungLoad, theta: Theta) -> Columns:
     """Return the columns of a declared load: nothing in the trials that do not name it."""
     body = recording.device.model.body(load.body).id
     there = hung_in(recording, load)

@@ -77,6 +77,11 @@ class Rows:
             found[self.block[part]] = joint
         return found
 
+    @property
+    def of_one_second(self) -> float:
+        """How many rows a second of one joint has, on average."""
+        return len(self.weight) / len(self.joint_of_block)
+
     def left_by_joint(self, losses: np.ndarray) -> dict[int, float]:
         """Return the root mean square of every joint in its own unit, from the blocks' losses."""
         total = np.bincount(self.joint_of_block, losses)

@@ -115,8 +115,8 @@ def _weighs(fit: WholeFit, place: int, fitted: Fitted) -> bool:
     """Whether a load has a mass that the arm may carry, within its reach."""
     term, recording = fit.model.terms[place], fit.model.recording
     own = dict(zip(term.kept, fitted.coefficients[fit.owner == place], strict=True))
-    mass = own.pop(0, 0.0)
-    far = float(np.linalg.norm([*own.values()]))
+    mass = own.get(0, 0.0)
+    far = float(np.linalg.norm([own.get(number, 0.0) for number in (1, 2, 3)]))
     return bool(
         0.0 < mass <= MOST_LOAD * recording.mass and far <= mass * recording.reach(term.joint)
     )

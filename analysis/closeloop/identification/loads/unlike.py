@@ -17,7 +17,7 @@ from analysis.closeloop.identification.arms.robot import weighed_by
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit
 from analysis.closeloop.identification.balance.declared import (
     declared_model,
-    load_about,
+    hung_columns,
     naming,
 )
 from analysis.closeloop.identification.balance.luck import LEAST_BLOCKS
@@ -25,7 +25,6 @@ from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.session.contents import HungLoad
 from analysis.closeloop.session.recording import Recording
-from sim.effects.laws.inertia import PLACE
 
 
 def supposing_held_out(recording: Recording) -> Recording:
@@ -121,8 +120,7 @@ def _hung_in(model: Model, recording: Recording, load: HungLoad) -> Model:
     terms = []
     for term in model.terms:
         if term.load == load:
-            place = np.array([term.theta[name] for name in PLACE])
-            term = replace(term, columns=load_about(recording, load, place).columns)
+            term = replace(term, columns=hung_columns(recording, load, term.theta))
         terms.append(term)
     return replace(model, recording=recording, terms=tuple(terms))
 

@@ -189,6 +189,10 @@ def test_a_load_hangs_in_the_model_though_no_joint_felt_one_of_its_ways() -> Non
     body = mujoco.MjModel.body(changed.compile(), "forearm")
     before = mujoco.MjModel.body(spec().compile(), "forearm")
     assert body.mass[0] == pytest.approx(before.mass[0] + 2.7)
+    own = spec()
+    BY_NAME["payload"].add(own, "elbow", {"mass": 2.7, "position_x": 0.16, "inertia": 0.03})
+    ball = mujoco.MjModel.body(own.compile(), "forearm")
+    assert ball.inertia - body.inertia == pytest.approx([0.03] * 3)
     with pytest.raises(ValueError, match="nothing says where it hangs"):
         BY_NAME["payload"].add(spec(), "elbow", {"mass": 2.7})
 

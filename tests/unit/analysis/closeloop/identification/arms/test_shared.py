@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms.agreed import nested_z
+from analysis.closeloop.identification.arms.gains import with_gains
 from analysis.closeloop.identification.arms.links import freed_links, links_of
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
+from analysis.closeloop.identification.arms.robot import weighed
 from analysis.closeloop.identification.arms.shared import with_share
+from analysis.closeloop.identification.arms.whole_fit import WholeFit, loaded
 from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import compare, select_rows
-from tests.testbed.sessions.coupled import measured, moving, traced
+from sim.effects.laws.inertia import OWN_INERTIA
+from sim.effects.rigid import BALL, point_mass
+from tests.testbed.sessions.coupled import measured, moving, traced, values
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 
 #: Seconds, rows a second, and folds of a short trial.
@@ -102,3 +107,30 @@ def test_a_load_of_that_mass_at_its_far_end_stays_one() -> None:
     load = arm.mass_torque(1, np.array([0.2, 0.0, 0.0]))
     found = traced(measured(arm, arm.rigid + 0.1 * load + 0.3 * np.sign(arm.velocity)))
     assert ("payload", 1) in found and "link_inertia" not in {name for name, _ in found}
+
+
+def test_a_load_has_an_inertia_of_its_own_and_no_joint_a_gain_for_it() -> None:
+    """Beside a point mass a stranger's balls of 6 cm were gains, and their masses 3 to 11 % off."""
+    arm, place = moving(), np.array([0.12, 0.03, -0.05])
+    load = 0.5 * point_mass(place) + 0.004 * BALL
+    loaded = measured(arm, arm.rigid + arm.link_torque(arm.body(1)) @ load)
+    found = traced(loaded)
+    assert list(found) == [("payload", 1)]
+    told = values(found["payload", 1], loaded)
+    assert told["mass"] == pytest.approx(0.5, rel=0.01)
+    assert told["inertia"] == pytest.approx(0.004, rel=0.05)
+
+
+def test_a_gain_is_not_the_inertia_of_a_load() -> None:
+    """Where it was no ordinary inertia's any more, nothing asked for the gain."""
+    arm = moving()
+    load = 0.3 * point_mass(np.array([0.15, 0.03, 0.0]))
+    effort = arm.rigid + arm.link_torque(arm.body(1)) @ load
+    effort[:, 1] /= 0.9
+    recording = measured(arm, effort)
+    model, rows, links = Model(recording), select_rows(recording, (0,)), links_of(recording)
+    rows = weighed(model, rows)
+    heavier = loaded(model, rows, links, WholeFit(model, rows, links).with_load([], 1))
+    (hung, gain) = with_gains(heavier, rows).terms
+    assert (OWN_INERTIA in heavier.terms[-1].kept, OWN_INERTIA in hung.kept) == (True, False)
+    assert gain.candidate is not None and gain.candidate.key == ("torque_gain", 1)

@@ -69,7 +69,7 @@ def test_a_wrong_zero_is_asked_of_all_joints_at_once_and_only_if_there_is_one(
 def test_a_zero_goes_that_only_stood_for_a_centre_of_mass() -> None:
     """It is asked for first, and links that are fitted anew without it predict as well."""
     still = rich_recording(20)
-    links = [0.4 * still.mass_torque(joint, np.array([0.1, 0.0, -0.15])) for joint in still.joints]
+    links = [-0.4 * still.mass_torque(joint, np.array([0.1, 0.0, -0.15])) for joint in still.joints]
     arm = arm_of(still.inverse + sum(links), still)
     rows = weighed(Model(arm), select_rows(arm, (0,)))
     model = with_zeros(with_ordinary(Model(arm), rows), rows, links_of(arm))

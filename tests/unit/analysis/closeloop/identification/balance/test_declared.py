@@ -26,15 +26,20 @@ ROBOT = """<mujoco><compiler angle="radian"/><worldbody>
 ELBOW = """<body name="fore" pos="0.26 0 0"><joint name="bend" axis="0 1 0" armature="0.02"/>
 <inertial mass="1.5" pos="0.1 0 0.01" fullinertia="0.002 0.006 0.006 0 0 0"/></body>"""
 THREE = ROBOT.replace("</body></body></worldbody>", ELBOW + "</body></body></worldbody>")
+#: The lift alone.
+ONE = """<mujoco><compiler angle="radian"/><worldbody>
+<body name="arm"><joint name="lift" axis="0 1 0" armature="0.07"/>
+<inertial mass="4.5" pos="0.12 0 0.01" fullinertia="0.006 0.037 0.037 0 0 0"/>
+</body></worldbody></mujoco>"""
 MASS, PLACE = 0.6, np.array([0.15, 0.04, 0.05])
 RATE, SECONDS = 50.0, 8.0
 
 
-def trial(robot: str, body: str, mass: float, seed: int, pace: float) -> np.ndarray:
+def trial(robot: str, body: str, mass: float, seed: int, pace: float, inertia: float) -> np.ndarray:
     """Return time, angles and efforts of one trial, (n, 1 + 2 joints)."""
     spec = mujoco.MjSpec.from_string(robot)
     if mass:
-        carried = spec.body(body).add_body(mass=mass, ipos=PLACE, inertia=[1e-9] * 3)
+        carried = spec.body(body).add_body(mass=mass, ipos=PLACE, inertia=[inertia] * 3)
         carried.explicitinertial = True
     model = spec.compile()
     data, rng = mujoco.MjData(model), np.random.default_rng(seed)
@@ -52,14 +57,20 @@ def trial(robot: str, body: str, mass: float, seed: int, pace: float) -> np.ndar
 
 
 def written(
-    folder: Path, robot: str, body: str, mass: float = MASS, rub: float = 0.0, pace: float = 1.0
+    folder: Path,
+    robot: str,
+    body: str,
+    mass: float = MASS,
+    rub: float = 0.0,
+    pace: float = 1.0,
+    inertia: float = 1e-9,
 ) -> Path:
     """Write a session of two trials, the second with the load; Nm `rub` at the first joint."""
     model = mujoco.MjModel.from_xml_string(robot)
     names = [model.joint(number).name for number in range(model.njnt)]
     header = ",".join(["time", *(f"{n}.position" for n in names), *(f"{n}.effort" for n in names)])
     for number, hung in enumerate((0.0, mass)):
-        table = trial(robot, body, hung, number, pace)
+        table = trial(robot, body, hung, number, pace, inertia)
         table[:, 1 + model.njnt] += rub * np.sign(np.gradient(table[:, 1]))
         np.savetxt(folder / f"{number}.csv", table, delimiter=",", header=header, comments="")
     (folder / "robot.xml").write_text(robot)
@@ -99,3 +110,26 @@ def test_a_load_that_one_joint_weighs_is_known_as_well_as_that_joint_knows_it(
     low, high = entry["parameters"]["mass"]["ci90"]
     assert low <= mass and mass <= high < mass + 0.1
     assert mass == 0.0 or low > 0.5
+
+
+@pytest.mark.parametrize("inertia", [1e-9, 0.02])
+def test_a_declared_load_has_an_inertia_of_its_own_if_the_joints_tell_it(
+    inertia: float, tmp_path: Path
+) -> None:
+    recording = load_session(written(tmp_path, THREE, "fore", inertia=inertia, pace=2.0))
+    rows = select_rows(recording, recording.fit_trials)
+    model = declared_model(recording, rows)
+    fit = (model, evaluate(model, rows).coefficients)
+    (entry,) = payload_entries((fit, fit), rows)
+    assert entry["parameters"]["mass"]["value"] == pytest.approx(MASS, rel=0.03)
+    assert entry["parameters"]["inertia"]["value"] == pytest.approx(inertia, rel=0.1, abs=1e-3)
+
+
+def test_an_inertia_that_one_joint_cannot_tell_from_the_mass_is_not_fitted(tmp_path: Path) -> None:
+    recording = load_session(written(tmp_path, ONE, "arm"))
+    rows = select_rows(recording, recording.fit_trials)
+    model = declared_model(recording, rows)
+    fit = (model, evaluate(model, rows).coefficients)
+    (entry,) = payload_entries((fit, fit), rows)
+    assert entry["parameters"]["inertia"]["value"] is None
+    assert "do not determine it" in entry["parameters"]["inertia"]["refused"]
