@@ -1,6 +1,7 @@
 """What a pilot's job runs, and the folder in which it finds what it needs."""
 
 import shlex
+from math import ceil
 from pathlib import Path
 
 from rehyb.pilots.marks import TOUCH_SECONDS
@@ -36,6 +37,18 @@ touch "$mark" 2>/dev/null
 wanted || exit 0
 {worker} "$@" &
 worker=$!
+# A shell that is killed alone leaves its worker behind, which nobody would count: this one has the
+# worker leave, and counts it meanwhile; until it must be gone, since some containers bury no dead.
+(
+    trap '' TERM INT
+    while kill -0 $$; do sleep 1; done
+    kill -TERM "$worker"
+    touch "$mark"
+    while kill -0 "$worker" && [ "$beats" -lt {lifetime} ]; do beat; done
+    rm -f "$mark"
+) > /dev/null 2>&1 &
+guard=$!
+trap 'kill -KILL "$guard"; rm -f "$mark"' EXIT
 leave() {{
     trap '' TERM INT
     kill -TERM "$worker" 2>/dev/null
@@ -68,6 +81,7 @@ def script(settings: Settings, folder: Path) -> str:
         tickets=TICKETS,
         marks=MARKS,
         touch=TOUCH_SECONDS,
+        lifetime=ceil(settings.lifetime),
         worker=worker,
     )
 

@@ -166,27 +166,33 @@ def short_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", f"{sleep.parent}:{os.environ['PATH']}")
 
 
-def until(path: Path) -> None:
+def until(path: Path, *, there: bool = True) -> None:
     deadline = time.monotonic() + 10.0
-    while not path.exists():
+    while path.exists() != there:
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
 
-@pytest.mark.usefixtures("short_seconds")
-def test_a_pilot_touches_its_mark_as_long_as_its_worker_runs_also_while_it_leaves(
-    tmp_path: Path,
-) -> None:
-    # A worker that takes its time to leave, as one does with an instance.
+@pytest.fixture
+def slow(tmp_path: Path) -> Site:
+    """A site with one pilot, whose worker takes its time to leave, as one does with an instance."""
     worker = tmp_path / "worker"
     worker.write_text(
         "#!/bin/sh\ntrap 'touch told' TERM\ntouch began\n"
-        "until [ -e told ] && [ -e enough ]; do /bin/sleep 0.01; done\n"
+        "until [ -e told ] && [ -e enough ]; do /bin/sleep 0.01; done\ntouch left\n"
     )
     worker.chmod(0o755)
     site = Site(tmp_path / "site", worker=str(worker))
     site.work = {"waiting": 4, "under_way": 0}
     site.keeper.look(0.0)
+    return site
+
+
+@pytest.mark.usefixtures("short_seconds")
+def test_a_pilot_touches_its_mark_as_long_as_its_worker_runs_also_while_it_leaves(
+    slow: Site,
+) -> None:
+    site = slow
     name, folder = ticket(site.batch.commands[0]), site.keeper.folder
     mark = folder / MARKS / name
     with subprocess.Popen(["sh", str(folder / JOB), name, "0"]) as job:
@@ -211,3 +217,23 @@ def test_a_pilot_whose_worker_ends_by_itself_takes_mark_and_ticket_away(tmp_path
     assert job.returncode == 1, "what its worker says is what the batch system hears"
     assert not site.tickets()
     assert not list((site.keeper.folder / MARKS).iterdir())
+
+
+@pytest.mark.usefixtures("short_seconds")
+def test_the_worker_of_a_pilot_whose_shell_is_killed_leaves_and_counts_until_it_has(
+    slow: Site,
+) -> None:
+    name, folder = ticket(slow.batch.commands[0]), slow.keeper.folder
+    mark = folder / MARKS / name
+    with subprocess.Popen(["sh", str(folder / JOB), name, "0"]) as job:
+        until(folder / "began")
+        job.kill()
+    until(folder / "told")
+    for _ in range(2):
+        # As whoever is told by the batch system that the job has ended.
+        mark.unlink(missing_ok=True)
+        until(mark)
+    assert not (folder / "left").exists()
+    (folder / "enough").touch()
+    until(mark, there=False)
+    assert (folder / "left").exists()
