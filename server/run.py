@@ -1,6 +1,7 @@
 """Run a coordinator in this process."""
 
 import asyncio
+import errno
 import gc
 import signal
 import socket
@@ -11,11 +12,12 @@ import uvicorn
 from fastapi import FastAPI
 
 from server.app import create_app, open_database
+from server.errors import BadSettingError, ConflictError, CoordinatorError
 from server.http.connections import ImpatientProtocol, strangers
 from server.instance_lock import instance_lock
 from server.logs import configure
 from server.operations.check import refuse_damage
-from server.settings import Settings
+from server.settings import AN_ADDRESS, Settings
 from server.store import upgrade
 from server.store.database.presence import once_there
 
@@ -37,9 +39,10 @@ def serve(settings: Settings) -> None:
 
     Raises:
         SchemaError: the database was made by a newer version.
-        ConflictError: another coordinator serves the same SQLite file.
+        ConflictError: another coordinator serves the same SQLite file, or something else listens
+            where this one should.
         DamagedError: the SQLite file has damaged pages.
-        OSError: the address cannot be listened on.
+        BadSettingError: the address is none of this machine's, or the port is not for this user.
     """
     configure(settings.log_level)
     stop = threading.Event()
@@ -71,9 +74,36 @@ def _make_ready(app: FastAPI, url: str, stop: threading.Event) -> None:
     once_there(app.state.engine, look, stop=stop)
 
 
+def listening(host: str, port: int) -> socket.socket:
+    """Return a socket that listens; a CoordinatorError says which setting keeps it from that."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except UnicodeError:
+        # A name with a part that is empty or too long.
+        raise _objection(OSError(errno.EADDRNOTAVAIL, ""), host, port) from None
+    except OSError as error:
+        raise _objection(error, host, port) from None
+
+
+def _objection(error: OSError, host: str, port: int) -> CoordinatorError:
+    # Below zero: of a name that nobody knows.
+    if error.errno == errno.EADDRNOTAVAIL or (error.errno or 0) < 0:
+        return BadSettingError(f"REHYB_HOST must be {AN_ADDRESS}, not {host[:40]!r}")
+    if error.errno == errno.EADDRINUSE:
+        return ConflictError(
+            f"something else listens on port {port} of {host}: stop it, or set REHYB_PORT to "
+            "another one (0: any that is free)"
+        )
+    if error.errno == errno.EACCES:
+        return BadSettingError(
+            f"this user may not listen on port {port}: set REHYB_PORT to one from 1024 on"
+        )
+    return CoordinatorError(f"nobody can listen on port {port} of {host}: {error.strerror}")
+
+
 def _serve(app: FastAPI, settings: Settings) -> None:
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    with socket.create_server((settings.host, settings.port), family=family) as listener:
+    with listening(settings.host, settings.port) as listener:
         # Connections inherit it. Without it, Nagle's algorithm and delayed acknowledgements hold
         # every answer back for 40 ms.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

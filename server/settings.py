@@ -9,6 +9,9 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from models.tokens import usable
 
+#: What `host` must be.
+AN_ADDRESS = "an address or name of this machine, as 127.0.0.1, or 0.0.0.0 for all of them"
+
 
 class Settings(BaseSettings):
     """Settings of one coordinator; each is read from the environment with the prefix REHYB_."""
@@ -21,8 +24,12 @@ class Settings(BaseSettings):
     database_url: str = "sqlite:///rehyb.sqlite3"
     #: What every request to /v1 must bear. It must be given: a coordinator is never open.
     token: SecretStr = Field(default=SecretStr(""), validate_default=True)
-    #: Address to listen on.
-    host: str = "127.0.0.1"
+    #: Address to listen on. An empty one would be every one, which nobody means by it.
+    host: str = Field(
+        default="127.0.0.1",
+        min_length=1,
+        description=AN_ADDRESS,
+    )
     #: Port to listen on; 0 takes any free one.
     port: int = Field(default=8787, ge=0, le=65535, description="a whole number up to 65535")
     #: Seconds a lease lasts unless its worker is heard from.

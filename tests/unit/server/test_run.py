@@ -1,10 +1,16 @@
-"""Answers leave in one piece, and no look for garbage keeps them waiting."""
+"""Where it listens; answers leave in one piece, and no look for garbage keeps them waiting."""
 
 import asyncio
+import errno
 import gc
+import os
+import socket
 from collections.abc import Callable
 
-from server.run import WholeAnswers, leave_alone_what_stays
+import pytest
+
+from server.errors import BadSettingError, ConflictError, CoordinatorError
+from server.run import WholeAnswers, leave_alone_what_stays, listening
 
 
 class Wire:
@@ -86,3 +92,52 @@ def test_garbage_is_looked_for_among_what_is_new_only() -> None:
     finally:
         # To thaw what this test froze would thaw what the suite did (`tests/conftest.py`).
         gc.set_threshold(*threshold)
+
+
+# 192.0.2.0/24 is of nobody (RFC 5737).
+@pytest.mark.parametrize("host", ["192.0.2.1", "nowhere.invalid", "[::1]", "http://a", "a..b"])
+def test_an_address_that_is_not_of_this_machine_is_refused_by_its_setting(host: str) -> None:
+    with pytest.raises(BadSettingError) as refused:
+        listening(host, 0)
+    assert str(refused.value) == (
+        "REHYB_HOST must be an address or name of this machine, as 127.0.0.1, or 0.0.0.0 for all "
+        f"of them, not {host!r}"
+    )
+
+
+def test_a_port_that_somebody_has_is_named_with_the_setting_that_takes_another() -> None:
+    with listening("127.0.0.1", 0) as first:
+        port = first.getsockname()[1]
+        with pytest.raises(ConflictError) as refused:
+            listening("127.0.0.1", port)
+    assert str(refused.value) == (
+        f"something else listens on port {port} of 127.0.0.1: stop it, or set REHYB_PORT to "
+        "another one (0: any that is free)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("number", "kind", "sentence"),
+    [
+        (
+            errno.EACCES,
+            BadSettingError,
+            "this user may not listen on port 80: set REHYB_PORT to one from 1024 on",
+        ),
+        (
+            errno.EMFILE,
+            CoordinatorError,
+            "nobody can listen on port 80 of 127.0.0.1: Too many open files",
+        ),
+    ],
+)
+def test_what_else_keeps_it_from_listening_is_a_sentence(
+    monkeypatch: pytest.MonkeyPatch, number: int, kind: type[CoordinatorError], sentence: str
+) -> None:
+    def refuse(*_: object, **__: object) -> socket.socket:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(socket, "create_server", refuse)
+    with pytest.raises(kind) as refused:
+        listening("127.0.0.1", 80)
+    assert str(refused.value) == sentence

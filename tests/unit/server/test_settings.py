@@ -61,6 +61,12 @@ def test_settings_out_of_range_are_refused(
             "REHYB_LEASE_SECONDS must be seconds, a number above 0 and 86400 at most, as 60, not "
             "'nan'",
         ),
+        (
+            "HOST",
+            "",
+            "REHYB_HOST must be an address or name of this machine, as 127.0.0.1, or 0.0.0.0 for "
+            "all of them, not ''",
+        ),
         ("PORT", "http", "REHYB_PORT must be a whole number up to 65535, not 'http'"),
         (
             "RECOMPUTE_SHARE",
@@ -82,7 +88,7 @@ def test_what_is_wrong_with_a_setting_is_a_sentence_that_says_what_is_right(
 
 
 def test_what_a_setting_of_numbers_and_words_must_be_is_said_of_each() -> None:
-    free = {"database_url", "token", "host", "tls_certificate", "tls_key"}
+    free = {"database_url", "token", "tls_certificate", "tls_key"}
     said = {name for name, field in Settings.model_fields.items() if field.description}
     assert said == Settings.model_fields.keys() - free
 
