@@ -122,17 +122,20 @@ def once_there(engine: Engine, act: Callable[[], object], *, stop: threading.Eve
                 engine.dispose()
                 raise DatabaseAwayError("its server takes no writes") from error
             if engine.dialect.name == "sqlite":
+                # A full disk, as a rule, on which the coordinator was started again.
+                if (why := why_away(error)) is not None:
+                    raise DatabaseAwayError(why) from error
                 raise
             # It went meanwhile, and is back; or it is there and refuses, as it does again then.
             _again(act, error)
         return True
 
-    def why_away(error: Exception) -> str | None:
+    def said(error: Exception) -> str | None:
         return str(error) if isinstance(error, DatabaseAwayError) else None
 
     presence: Presence | None = engine.get_execution_options()["presence"]
     with nullcontext() if presence is None else presence.left_to_others():
-        patiently(look, stop=stop, why_away=why_away)
+        patiently(look, stop=stop, why_away=said)
 
 
 def _again(act: Callable[[], object], first: SQLAlchemyError) -> None:

@@ -1,11 +1,14 @@
 """What the log says of a database that goes, is back, or comes and goes."""
 
 import sqlite3
+import threading
+from pathlib import Path
 
 import pytest
 from sqlalchemy.exc import OperationalError
 
-from server.store.database.presence import CALM_SECONDS, Presence
+from server.store.database.engine import create_engine
+from server.store.database.presence import CALM_SECONDS, Presence, once_there
 
 AWAY = "the database is away or full, and who asks is told to wait: database or disk is full"
 BACK = "the database is back"
@@ -84,3 +87,25 @@ def test_nothing_is_said_while_somebody_else_waits_and_says_so(
     assert caplog.messages == []
     database.fails()
     assert caplog.messages == [AWAY]
+
+
+def test_who_starts_on_a_full_disk_waits_until_there_is_room(tmp_path: Path) -> None:
+    tries = []
+
+    def start() -> None:
+        tries.append(None)
+        if len(tries) < 2:
+            raise _disk_full()
+
+    once_there(create_engine(f"sqlite:///{tmp_path}/d.sqlite3"), start, stop=threading.Event())
+    assert len(tries) == 2
+
+
+def test_who_starts_on_a_file_that_is_no_database_does_not_wait(tmp_path: Path) -> None:
+    def start() -> None:
+        error = sqlite3.DatabaseError("file is not a database")
+        error.sqlite_errorcode = sqlite3.SQLITE_NOTADB
+        raise OperationalError("PRAGMA", {}, error)
+
+    with pytest.raises(OperationalError, match="not a database"):
+        once_there(create_engine(f"sqlite:///{tmp_path}/d.sqlite3"), start, stop=threading.Event())
