@@ -34,7 +34,7 @@ def with_gains(model: Model, rows: Rows) -> Model:
 
     What is ordinary is asked of every joint at once, before anything else. Together inertia,
     friction and a load do most of what a gain does, and beside them a gain has nothing to show. So
-    it is tried in their place: of the joint's own, of a load's inertia, and of what joints share.
+    it is tried in their place: of the joint's own, its load's inertia, and what joints share.
     It has to predict left-out groups better; where it stands for several, as well is enough. The
     joint at which it predicts best is the first: beside a load that stands for its gain, others
     seem wrong.
@@ -65,7 +65,7 @@ def _gain_at(model: Model, rows: Rows, joint: int) -> tuple[Model, Score] | None
     shared = [c for c in model.effects if c.effect.name in SHARED]
     own = [c for c in model.effects if c.joint == joint and c not in shared]
     rest = model.keeping(lambda other: other not in own)
-    point = _with_points(rest)
+    point = _with_a_point(rest, joint)
     either = [(len(own), rest)] if own else []
     if point is not rest:
         either.append((len(own) + 1, point))
@@ -75,11 +75,11 @@ def _gain_at(model: Model, rows: Rows, joint: int) -> tuple[Model, Score] | None
     return next((one for one in changed if one is not None), None)
 
 
-def _with_points(model: Model) -> Model:
-    """Return the model whose found loads have no inertia of their own, if any has."""
+def _with_a_point(model: Model, joint: int) -> Model:
+    """Return the model whose load on a joint has no inertia of its own, if one there has."""
     terms = [
         replace(term, kept=tuple(number for number in term.kept if number != OWN_INERTIA))
-        if term.candidate and isinstance(term.effect, PlacedPayload)
+        if term.candidate and isinstance(term.effect, PlacedPayload) and term.joint == joint
         else term
         for term in model.terms
     ]

@@ -4,9 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.closeloop.identification.arms.agreed import SHARED, shared_by_joints, sure
+from analysis.closeloop.identification.arms.agreed import (
+    SHARED,
+    better_for_all,
+    shared_by_joints,
+    sure,
+)
 from analysis.closeloop.identification.arms.links import Links, links_of
 from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit, loaded
+from analysis.closeloop.identification.balance.declared import placed
 from analysis.closeloop.identification.balance.luck import MIN_GAIN, MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import (
     Model,
@@ -23,7 +29,8 @@ from sim.effects.laws.drive import AnyGain
 from sim.effects.laws.inertia import LinkInertia, PlacedPayload
 
 LINKS = LinkInertia()
-GAIN, INERTIA = AnyGain(), BY_NAME["added_inertia"]
+GAIN, ONE_GAIN = AnyGain(), BY_NAME["torque_gain"]
+INERTIA = BY_NAME["added_inertia"]
 
 
 def with_share(model: Model, rows: Rows, links: Links, *, links_free: bool) -> Model:
@@ -42,7 +49,7 @@ def with_share(model: Model, rows: Rows, links: Links, *, links_free: bool) -> M
         block_wins = block_wins and alone.loss - block.loss > MIN_LATER_GAIN * alone.loss
     load_wins = best is not None
     if not (block_wins or load_wins):
-        return model
+        return _load_beside_gains(model, rows, links, alone) or model
     # Friction that winds up leaves torque at the ends of movements, as wrong links do.
     wound, _, at = with_winding(model, evaluate(model, rows), rows)
     if at:
@@ -104,15 +111,60 @@ def _one_gain(model: Model, rows: Rows, links: Links, block: Fitted) -> Model | 
         return None
     for joint in rows.joints:
         here = Candidate(effect=GAIN, joint=joint)
-        columns, lower = GAIN.columns(unfitted(recording, joint), {}), lowest(model, here)
-        term = Term(effect=GAIN, joint=joint, columns=columns, lower=lower, candidate=here)
-        with_it = with_independent(model, term, rows)
+        with_it = _with_gain(model, rows, here)
         if with_it is model:
             # About an upright axis a gain is inertia: then it is the one that all joints have.
-            rest = model.without(Candidate(effect=INERTIA, joint=joint))
-            with_it = with_independent(rest, term, rows)
+            with_it = _with_gain(model.without(Candidate(effect=INERTIA, joint=joint)), rows, here)
         model = with_it
     return model
+
+
+def _load_beside_gains(model: Model, rows: Rows, links: Links, alone: Fitted) -> Model | None:
+    """Return the model with a load and the gains that hid it, if joints share it beside these.
+
+    What a load adds to a joint whose effort is reported too small may be next to nothing: then that
+    joint speaks against the load that the others feel.
+    """
+    if any(candidate.effect.name in SHARED for candidate in model.effects):
+        return None
+    gained = model
+    for joint in rows.joints:
+        gained = _with_gain(gained, rows, Candidate(effect=ONE_GAIN, joint=joint))
+    if gained is model:
+        return None
+    fit, every = WholeFit(gained, rows, links), range(len(gained.terms))
+    gains = fit.alone(every)
+    best = min(fit.loads(), key=lambda load: load.loss, default=gains)
+    further = gains.loss - best.loss > MIN_LATER_GAIN * gains.loss
+    if not (further and shared_by_joints(alone, best, rows) and better_for_all(gains, best, rows)):
+        return None
+    assert best.link is not None
+    own = range(len(model.terms))
+    found = []
+    for beside in [*([*own, number] for number in every[len(own) :]), every]:
+        there = replace(gained, terms=tuple(gained.terms[number] for number in beside))
+        hung = placed(loaded(there, rows, links, fit.with_load(beside, best.link)), rows)
+        found.append((hung, evaluate(hung, rows)))
+    # Beside one gain the load is told best; of all of them one may do as well.
+    *single, (_, least) = found
+    hung, score = min(single, key=lambda one: one[1].loss)
+    lost, error = compare(score.losses, least.losses)
+    return hung if lost <= error else found[-1][0]
+
+
+def _with_gain(model: Model, rows: Rows, gain: Candidate) -> Model:
+    """Return the model with a gain of one joint, unless its columns explain it."""
+    if gain.key in model.declared or not gain.effect.applies(model.recording, gain.joint):
+        return model
+    columns = gain.effect.columns(unfitted(model.recording, gain.joint), {})
+    term = Term(
+        effect=gain.effect,
+        joint=gain.joint,
+        columns=columns,
+        lower=lowest(model, gain),
+        candidate=gain,
+    )
+    return with_independent(model, term, rows)
 
 
 def with_links(model: Model, links: Links, change: np.ndarray) -> Model:

@@ -134,3 +134,18 @@ def test_a_gain_is_not_the_inertia_of_a_load() -> None:
     (hung, gain) = with_gains(heavier, rows).terms
     assert (OWN_INERTIA in heavier.terms[-1].kept, OWN_INERTIA in hung.kept) == (True, False)
     assert gain.candidate is not None and gain.candidate.key == ("torque_gain", 1)
+
+
+@pytest.mark.parametrize("place", [(0.15, 0.03, 0.0), (0.15, 0.0, 0.05)])
+def test_a_load_is_found_whose_own_joint_has_a_gain_that_hides_it(
+    place: tuple[float, float, float],
+) -> None:
+    """That joint reported as much as without it: gains, a spring and couplings had names."""
+    arm = moving()
+    effort = arm.rigid + 0.3 * arm.link_torque(arm.body(1)) @ point_mass(np.array(place))
+    effort[:, 1] /= 1.15
+    recording = measured(arm, effort)
+    found = traced(recording)
+    assert set(found) == {("payload", 1), ("torque_gain", 1)}
+    assert values(found["payload", 1], recording)["mass"] == pytest.approx(0.3, rel=0.01)
+    assert values(found["torque_gain", 1], recording)["gain"] == pytest.approx(1.15, rel=0.01)
