@@ -97,7 +97,9 @@ def parameters_of(
         if term is part:
             own = dict(zip(term.kept, found.tolist(), strict=True))
             refitted = dict(zip(term.kept, spread.T, strict=True))
-    scale = gain(model, coefficients, candidate.joint)
+    # What several joints share a gain scales itself, as it does what is declared.
+    shared = isinstance(part, Term) and len(part.columns) > 1
+    scale = 1.0 if shared else gain(model, coefficients, candidate.joint)
     entries: dict[str, dict[str, Any]] = {}
     limits = dict(effect.limits(joint))
     for key, reading in effect.readings(joint, theta).items():
