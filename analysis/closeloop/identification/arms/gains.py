@@ -4,8 +4,6 @@ About an upright axis inertia and friction are all that a motor has to do, and a
 other inertia and friction: then both are said.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED
@@ -34,7 +32,7 @@ def with_gains(model: Model, rows: Rows) -> Model:
 
     What is ordinary is asked of every joint at once, before anything else. Together inertia,
     friction and a load do most of what a gain does, and beside them a gain has nothing to show. So
-    it is tried in their place: of the joint's own, its load's inertia, and what joints share.
+    it is tried in their place: of the joint's own, then of these and what all joints share.
     It has to predict left-out groups better; where it stands for several, as well is enough. The
     joint at which it predicts best is the first: beside a load that stands for its gain, others
     seem wrong.
@@ -47,9 +45,10 @@ def with_gains(model: Model, rows: Rows) -> Model:
 
 
 def _without_needless(model: Model, rows: Rows) -> Model:
-    """Take out gains that are not missed once loads hang where they do without them."""
-    for candidate in model.effects:
-        if candidate.effect is GAIN:
+    """Take out gains, and offsets beside them, that are not missed once loads hang without them."""
+    gained = any(candidate.effect is GAIN for candidate in model.effects)
+    for candidate in model.effects if gained else ():
+        if candidate.effect in (GAIN, OFFSET):
             rest = placed(model.without(candidate), rows)
             gain, error = compare(evaluate(rest, rows).losses, evaluate(model, rows).losses)
             if gain <= error:
@@ -65,27 +64,18 @@ def _gain_at(model: Model, rows: Rows, joint: int) -> tuple[Model, Score] | None
     shared = [c for c in model.effects if c.effect.name in SHARED]
     own = [c for c in model.effects if c.joint == joint and c not in shared]
     rest = model.keeping(lambda other: other not in own)
-    point = _with_a_point(rest, joint)
-    either = [(len(own), rest)] if own else []
-    if point is not rest:
-        either.append((len(own) + 1, point))
+    # An inertia of its load's own may stand for a part of it, too.
+    either = [(len(own), rest)] if own or _has_inertia(model, joint) else []
     if shared:
         either.append((len(own) + len(shared), rest.keeping(lambda other: other not in shared)))
     changed = (_instead(model, rows, beside, gain, many=many > 1) for many, beside in either)
     return next((one for one in changed if one is not None), None)
 
 
-def _with_a_point(model: Model, joint: int) -> Model:
-    """Return the model whose load on a joint has no inertia of its own, if one there has."""
-    terms = [
-        replace(term, kept=tuple(number for number in term.kept if number != OWN_INERTIA))
-        if term.candidate and isinstance(term.effect, PlacedPayload) and term.joint == joint
-        else term
-        for term in model.terms
-    ]
-    if all(old.kept == new.kept for old, new in zip(model.terms, terms, strict=True)):
-        return model
-    return replace(model, terms=tuple(terms))
+def _has_inertia(model: Model, joint: int) -> bool:
+    """Whether a load hangs at a joint that has an inertia of its own."""
+    loads = [term for term in model.terms if isinstance(term.effect, PlacedPayload)]
+    return any(OWN_INERTIA in load.kept for load in loads if load.joint == joint)
 
 
 def gain_of_all(model: Model, coefficients: np.ndarray, rows: Rows) -> float | None:

@@ -12,7 +12,7 @@ from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.robot import weighed
 from analysis.closeloop.identification.arms.shared import with_share
 from analysis.closeloop.identification.arms.whole_fit import WholeFit, loaded
-from analysis.closeloop.identification.balance.model import Model, unfitted
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import compare, select_rows
 from sim.effects.laws.inertia import OWN_INERTIA
 from sim.effects.rigid import BALL, point_mass
@@ -124,16 +124,20 @@ def test_a_load_has_an_inertia_of_its_own_and_no_joint_a_gain_for_it() -> None:
 def test_a_gain_is_not_the_inertia_of_a_load() -> None:
     """Where it was no ordinary inertia's any more, nothing asked for the gain."""
     arm = moving()
-    load = 0.3 * point_mass(np.array([0.15, 0.03, 0.0]))
+    load = 0.3 * point_mass(np.array([0.15, 0.03, 0.0])) + 0.002 * BALL
     effort = arm.rigid + arm.link_torque(arm.body(1)) @ load
     effort[:, 1] /= 0.9
     recording = measured(arm, effort)
     model, rows, links = Model(recording), select_rows(recording, (0,)), links_of(recording)
     rows = weighed(model, rows)
     heavier = loaded(model, rows, links, WholeFit(model, rows, links).with_load([], 1))
-    (hung, gain) = with_gains(heavier, rows).terms
-    assert (OWN_INERTIA in heavier.terms[-1].kept, OWN_INERTIA in hung.kept) == (True, False)
+    assert OWN_INERTIA in heavier.terms[-1].kept
+    gained = with_gains(heavier, rows)
+    (hung, gain) = gained.terms
     assert gain.candidate is not None and gain.candidate.key == ("torque_gain", 1)
+    mass, *_, inertia = evaluate(gained, rows).coefficients[: len(hung.kept)]
+    assert mass == pytest.approx(0.3, rel=0.01)
+    assert inertia == pytest.approx(0.002, rel=0.1)
 
 
 @pytest.mark.parametrize("place", [(0.15, 0.03, 0.0), (0.15, 0.0, 0.05)])
