@@ -62,12 +62,25 @@ def _not_blank(text: str) -> str:
     return text
 
 
+def _of_a_worker(tag: str) -> str:
+    # What `rehyb-worker --tags` makes of a list: no worker could ever have another one.
+    if "," in tag or tag != tag.strip():
+        raise PydanticCustomError(
+            "tag",
+            "no worker can have the tag {tag}: it has no comma, and no blank at its ends; "
+            'several are several texts, as ["lab-2", "fast"]',
+            {"tag": repr(tag)},
+        )
+    return tag
+
+
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Title = Annotated[
     str,
     StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE),
     AfterValidator(_not_blank),
 ]
+Tag = Annotated[Name, AfterValidator(_of_a_worker)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
 Key = Annotated[
     str | None, Header(alias="Idempotency-Key", min_length=1, max_length=255, examples=["masses-1"])
@@ -145,7 +158,7 @@ class StudyBody(Body):
     groups: dict[Name, list[Name]] = Field(default_factory=dict)
     sampling: Name = DEFAULT_SAMPLING
     priority: Priority = 0
-    tags: list[Name] = Field(default_factory=list, max_length=20)
+    tags: list[Tag] = Field(default_factory=list, max_length=20)
     precision: PrecisionBody | None = None
     #: Whether values may lie far outside the ranges for which the model was validated.
     outside_range: bool = False

@@ -162,6 +162,19 @@ def test_a_body_of_any_other_shape_is_a_problem_too(client: TestClient) -> None:
 NOT_FINITE = ["NaN", "Infinity", "-Infinity", "1e999"]
 
 
+@pytest.mark.parametrize("tag", ["lab-2,fast", "fast ", "\u3000", ","])
+def test_a_tag_that_no_worker_can_have_is_refused_with_what_is_right(
+    client: TestClient, tag: str
+) -> None:
+    response = client.post("/v1/studies", json={**STUDY, "tags": ["lab-2", tag]})
+    why = (
+        f"no worker can have the tag {tag!r}: it has no comma, and no blank at its ends; "
+        'several are several texts, as ["lab-2", "fast"]'
+    )
+    assert is_problem(response, 422)["errors"] == [{"pointer": "/tags/1", "detail": why}]
+    assert client.get("/v1/studies").json() == {"studies": []}
+
+
 def test_numbers_that_are_not_finite_are_refused(client: TestClient) -> None:
     for number in NOT_FINITE:
         text = json.dumps({**STUDY, "fixed": {"x1": 0}}).replace('"x1": 0', f'"x1": {number}')
