@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
+from unicodedata import category
 
 from rehyb.durations import seconds
 from rehyb.errors import Invalid
@@ -127,12 +128,26 @@ def _value(name: str, value: Any) -> Any:
     if name in _TEXTS:
         if not isinstance(value, str):
             raise Invalid(f"{name} is a text in quotes, not {value!r}")
+        _check_text(name, value)
         if name == "worker":
             _check_command(value)
         return value
     if not isinstance(value, dict):
         raise Invalid(f"{name} is a table, [{name}], not {value!r}")
+    for option, said in value.items():
+        if isinstance(said, str):
+            _check_text(f"[{name}] {option}", said)
     return value
+
+
+def _check_text(name: str, text: str) -> None:
+    """Raise Invalid for a control character, which a shell or batch system reads as it likes."""
+    for character in text:
+        if category(character) == "Cc" and character not in "\n\t":
+            raise Invalid(
+                f"{name} has the control character {character!r}: it goes into a script, whose "
+                "text has none but tabs and the ends of lines"
+            )
 
 
 def _check_command(worker: str) -> None:

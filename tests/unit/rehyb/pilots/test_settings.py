@@ -60,12 +60,24 @@ def test_what_is_no_time_is_refused(text: str) -> None:
         ({"minimum": 4}, "minimum = 4 is more than maximum = 3"),
         ({"minimun": 1}, "there is no entry 'minimun': the entries are provider"),
         ({"before": 3}, "before is a text in quotes, not 3"),
+        ({"before": "module\0load"}, r"before has the control character '\\x00': it goes into a"),
+        ({"worker": "w --tags \x1b[2J"}, r"worker has the control character '\\x1b'"),
+        ({"before": "a\rb"}, r"before has the control character '\\r'"),
+        (
+            {"options": {"account": "a\x7f"}},
+            r"\[options\] account has the control character '\\x7f'",
+        ),
         ({"options": "x"}, r"options is a table, \[options\]"),
     ],
 )
 def test_a_pilots_file_that_cannot_be_is_one_sentence(change: dict[str, Any], words: str) -> None:
     with pytest.raises(Invalid, match=words):
         checked({**FILE, **change})
+
+
+def test_lines_before_the_worker_may_be_indented_by_tabs() -> None:
+    lines = "if true; then\n\tmodule load café\nfi\n"
+    assert checked({**FILE, "before": lines}).before == lines
 
 
 def test_a_pilots_file_that_cannot_be_read_is_one_sentence(tmp_path: Path) -> None:
