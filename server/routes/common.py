@@ -12,7 +12,7 @@ from fastapi import Depends, Header, Path, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import StreamingResponse
 from fastapi.routing import APIRoute
-from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
+from pydantic import BaseModel, ConfigDict, StringConstraints, TypeAdapter, ValidationError
 from pydantic_core import to_json
 from sqlalchemy.engine import Engine
 from starlette.types import Receive, Scope, Send
@@ -69,10 +69,27 @@ async def _read(request: Request, kind: type[Body]) -> Body:
     try:
         return _parsed(body.removeprefix(BOM_UTF8), kind)
     except ValidationError as error:
-        found = error.errors(include_url=False, include_input=False)
-        raise RequestValidationError(
-            [{**fault, "loc": ("body", *fault["loc"])} for fault in found]
-        ) from None
+        raise _refusal(error) from None
+
+
+#: Whatever is in it.
+_OBJECT = TypeAdapter(dict[str, Any])
+
+
+def read_object(body: bytes) -> dict[str, Any]:
+    """Return a body that is a JSON object; RequestValidationError if it is none.
+
+    For what somebody else judges: nothing is known of what is in it.
+    """
+    try:
+        return _OBJECT.validate_json(body.removeprefix(BOM_UTF8))
+    except ValidationError as error:
+        raise _refusal(error) from None
+
+
+def _refusal(error: ValidationError) -> RequestValidationError:
+    found = error.errors(include_url=False, include_input=False)
+    return RequestValidationError([{**fault, "loc": ("body", *fault["loc"])} for fault in found])
 
 
 def _parsed(body: bytes, kind: type[Body]) -> Body:

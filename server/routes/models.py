@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, HTTPException, Query, Request, Response
 from fastapi.responses import StreamingResponse
-from pydantic_core import from_json
 from sqlalchemy.engine import Engine
 
 from models.description import Description
@@ -17,7 +16,7 @@ from server.http.encodings import is_json
 from server.logic.tokens import may
 from server.operations import models
 from server.records import ModelVersion
-from server.routes.common import Configured, Id, Now, Store, attachment
+from server.routes.common import Configured, Id, Now, Store, attachment, read_object
 from server.routes.uploads import ZIP_OR_FORM, receive
 from server.sandbox import check
 
@@ -120,13 +119,9 @@ def shown(model: ModelVersion) -> dict[str, Any]:
 
 def _described(body: bytes) -> Description:
     try:
-        return Description.from_json(from_json(body))
+        return Description.from_json(read_object(body))
     except DescriptionError as error:
         raise HTTPException(HTTPStatus.UNPROCESSABLE_ENTITY, str(error)) from None
-    except ValueError as error:
-        raise HTTPException(
-            HTTPStatus.UNPROCESSABLE_ENTITY, f"the body is not JSON: {error}"
-        ) from None
 
 
 def _keep(

@@ -26,6 +26,7 @@ from server.settings import Settings
 from server.store.database.engine import writing
 from sim.models import MODELS
 from tests.testbed.clock import Clock
+from tests.testbed.coordinators.rest_bodies import is_problem
 from tests.testbed.models import EXAMPLES, edited
 
 TOKEN = "models"
@@ -225,6 +226,18 @@ def test_a_study_means_the_newest_version_unless_it_says_which(client: TestClien
     assert submitted(client, older)["model"] == older
     assert lease(client, older) == 201
     assert client.get(f"/v1/models/{older}/archive").status_code == 404
+
+
+def test_a_description_is_read_as_any_other_body(client: TestClient) -> None:
+    headers = {"Content-Type": "application/json"}
+    marked = b"\xef\xbb\xbf" + json.dumps(announced()).encode()
+    assert client.post("/v1/models", content=marked, headers=headers).status_code == 201
+    for body in (b"null", b"[]", b'{"name": '):
+        answers = [
+            client.post(route, content=body, headers=headers)
+            for route in ("/v1/models", "/v1/leases")
+        ]
+        assert is_problem(answers[0], 422) == is_problem(answers[1], 422)
 
 
 def test_a_name_of_rehyb_and_a_model_that_is_not_there_are_refused(
