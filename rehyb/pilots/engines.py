@@ -4,7 +4,7 @@ import inspect
 import logging
 import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
@@ -35,7 +35,7 @@ class Engine(Protocol):
         ...
 
     def states(self, jobs: Sequence[str]) -> dict[str, JobState]:
-        """Return where jobs are; FleetError if the batch system does not say."""
+        """Return where jobs are; FleetError says why the batch system does not."""
         ...
 
     def cancel(self, jobs: Sequence[str]) -> None:
@@ -79,6 +79,8 @@ ENGINES = {
     "sge": Kind(provider="GridEngineProvider", command="qsub"),
 }
 _NO_NUMBER = "the batch system gave the job no number"
+#: What providers stumble over that take apart what is not there.
+_NO_SUCH_ANSWER = (AttributeError, LookupError, TypeError, ValueError)
 #: A path that needs no quotes in a shell.
 _PLAIN = re.compile(r"[A-Za-z0-9./_+-]+")
 #: What follows from other entries of the file, or is decided by `rehyb pilots` itself.
@@ -171,6 +173,11 @@ class ParslEngine:
             raise Invalid(f"[options] of {name}: {_in_one_line(error)}") from None
         folder.mkdir(parents=True, exist_ok=True)
         self._provider.script_dir = str(folder)
+        #: What the batch system's command printed that ran last.
+        self._said = ""
+        # That of this machine has none.
+        if (execute := getattr(self._provider, "execute_wait", None)) is not None:
+            self._provider.execute_wait = partial(self._heard, execute)
         self._states = {
             Parsl.PENDING: JobState.WAITING,
             Parsl.HELD: JobState.WAITING,
@@ -197,7 +204,7 @@ class ParslEngine:
         return str(job)
 
     def states(self, jobs: Sequence[str]) -> dict[str, JobState]:
-        """Return where jobs are; FleetError if the batch system does not say."""
+        """Return where jobs are; FleetError says why the batch system does not."""
         known = self._provider.resources
         # Providers ask no more for what they hold for ended, though a list may only have lacked it.
         asked = {job: known[job]["status"] for job in jobs if known[job]["status"].terminal}
@@ -206,8 +213,12 @@ class ParslEngine:
             known[job]["status"] = status
         try:
             self._provider.status(list(jobs))
+        except _NO_SUCH_ANSWER:
+            raise FleetError(
+                f"the batch system's answer cannot be read: it begins with {self._said[:60]!r}"
+            ) from None
         except Exception as error:
-            raise FleetError(_first_line(error)) from None
+            raise FleetError(f"the batch system does not answer: {_first_line(error)}") from None
         finally:
             for job, status in unanswered.items():
                 if known[job]["status"] is status:
@@ -224,6 +235,13 @@ class ParslEngine:
             raise FleetError(_first_line(error)) from None
         if not all(done):
             raise FleetError(f"jobs {', '.join(jobs)} were not cancelled")
+
+    def _heard(
+        self, execute: Callable[..., tuple[int, str, str]], *told: Any
+    ) -> tuple[int, str, str]:
+        found = execute(*told)
+        self._said = found[1]
+        return found
 
 
 def _clock(walltime: float) -> str:

@@ -243,7 +243,7 @@ class Keeper:
         try:
             found = self.engine.states(list(self.jobs)) if self.jobs else {}
         except FleetError as error:
-            return f"the batch system does not answer: {error}"
+            return str(error)
         for job, state in found.items():
             if state == JobState.ENDED or (state == JobState.MISSING and self._is_over(job)):
                 if judging:

@@ -88,3 +88,26 @@ def test_a_job_that_a_list_lacks_is_asked_for_again_and_may_come_back(
     assert state("echo 7 R") == JobState.RUNNING
     assert state("exit 1") == JobState.RUNNING
     assert state("echo 7 TO") == JobState.ENDED
+
+
+@pytest.mark.parametrize(
+    ("squeue", "said"),
+    [
+        ("echo JOBID; echo 7", r"answer cannot be read: it begins with 'JOBID\n7\n'"),
+        ("echo JOBID STATE", r"answer cannot be read: it begins with 'JOBID STATE\n'"),
+        ("exec sleep 60", " does not answer: squeue gave no answer within 0.2 s"),
+    ],
+)
+def test_what_a_list_says_that_is_none_is_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, squeue: str, said: str
+) -> None:
+    sbatch = "echo Submitted batch job 7"
+    slurm_of(tmp_path, monkeypatch, sacct="exit 1", sbatch=sbatch, squeue=squeue)
+    engine = ParslEngine(
+        "slurm", folder=tmp_path / "site", walltime=60.0, cores=1, before="", options={}
+    )
+    job = engine.submit("true", "pilot")
+    monkeypatch.setattr(engine._provider, "cmd_timeout", 0.2)
+    with pytest.raises(FleetError) as trouble:
+        engine.states([job])
+    assert str(trouble.value).startswith("the batch system") and str(trouble.value).endswith(said)
