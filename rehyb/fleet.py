@@ -49,6 +49,10 @@ class LocalFleet:
         token: default: the one kept in the directory, made on first use.
         database_url: default: a SQLite file in the directory.
         say: is told in a sentence what the start waits for, if it is long.
+
+    Raises:
+        Invalid: the directory is a file, or lies in one.
+        FleetError: the token is one that no request can bear.
     """
 
     def __init__(
@@ -64,7 +68,13 @@ class LocalFleet:
         say: Callable[[str], object] = lambda _: None,
     ) -> None:
         self.directory = directory.resolve()
-        self.directory.mkdir(parents=True, exist_ok=True)
+        try:
+            self.directory.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError) as error:
+            raise Invalid(
+                f"{error.filename} is no folder, which a fleet needs for what it keeps: name one, "
+                "or one to be made"
+            ) from None
         try:
             self.token = usable(token or "") or _kept_token(self.directory / "token")
         except ValueError as error:

@@ -29,6 +29,14 @@ def test_a_given_token_is_one_that_requests_can_bear(tmp_path: Path) -> None:
     assert "hush" not in str(refused.value)
 
 
+@pytest.mark.parametrize("inside", ["", "fleet"])
+def test_a_file_is_no_directory_and_named(tmp_path: Path, inside: str) -> None:
+    file = tmp_path / "notes.txt"
+    file.touch()
+    with pytest.raises(Invalid, match=f"^{file / inside} is no folder, .* name one"):
+        LocalFleet(file / inside, workers=1)
+
+
 #: Waits for three seconds, and says so.
 WAITS = """
 import time
