@@ -186,6 +186,10 @@ class _AnnouncingServer(uvicorn.Server):
         """End the streams first, which would otherwise be waited for."""
         self.config.app.state.stopping.set()  # type: ignore[union-attr]
         await super().shutdown(sockets)
+        if self.force_exit:
+            # Uvicorn leaves that out for who asks twice, and the loop's end would cut it off in the
+            # midst, with a traceback; it takes as long.
+            await self.lifespan.shutdown()
 
     async def on_tick(self, counter: int) -> bool:
         """Close, once a second, who has kept the coordinator waiting for too long."""

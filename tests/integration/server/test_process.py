@@ -107,6 +107,15 @@ def test_it_announces_itself_serves_and_stops_cleanly_on_a_signal(
     assert coordinator.stop(number) == (0, "", "")
 
 
+def test_a_second_ctrl_c_leaves_no_traceback_either(start: Start) -> None:
+    coordinator = start()
+    coordinator.process.send_signal(signal.SIGINT)
+    # It takes 0.1 s at least to stop.
+    time.sleep(0.05)
+    _, *written = coordinator.stop(signal.SIGINT)
+    assert written == ["", ""]
+
+
 def test_without_a_token_it_says_so_in_a_sentence_and_does_not_start(tmp_path: Path) -> None:
     environment = {k: v for k, v in os.environ.items() if not k.startswith("REHYB_")}
     ended = subprocess.run(
