@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis.closeloop.identification.arms.agreed import SHARED
 from analysis.closeloop.identification.balance.declared import placed
+from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import Model, evaluate, gain
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
 from analysis.closeloop.identification.balance.terms import Candidate
@@ -68,7 +69,7 @@ def _gain_at(model: Model, rows: Rows, joint: int) -> tuple[Model, Score] | None
     either = [(len(own), rest)] if own or _has_inertia(model, joint) else []
     if shared:
         either.append((len(own) + len(shared), rest.keeping(lambda other: other not in shared)))
-    changed = (_instead(model, rows, beside, gain, many=many > 1) for many, beside in either)
+    changed = (_instead(model, rows, beside, gain, of=of) for of, beside in either)
     return next((one for one in changed if one is not None), None)
 
 
@@ -107,14 +108,19 @@ def _keys(model: Model) -> set[tuple[str, int]]:
 
 
 def _instead(
-    model: Model, rows: Rows, rest: Model, gain: Candidate, *, many: bool
+    model: Model, rows: Rows, rest: Model, gain: Candidate, *, of: int
 ) -> tuple[Model, Score] | None:
-    """Return `rest` with the gain in the place of what it lacks, if that is as it should be."""
+    """Return `rest` with the gain in the place of the `of` effects it lacks, if it is as good.
+
+    In the place of none it is a later effect.
+    """
     found = tried_alone(rest, rows, gain)
     if found is None:
         return None
-    better, error = compare(evaluate(model, rows).losses, found[1].losses)
-    return found if better > (-error if many else error) else None
+    before = evaluate(model, rows)
+    better, error = compare(before.losses, found[1].losses)
+    least = {0: max(error, MIN_LATER_GAIN * before.loss), 1: error}.get(of, -error)
+    return found if better > least else None
 
 
 def alike(option: Option, rest: Model, rows: Rows) -> tuple[Option, ...]:

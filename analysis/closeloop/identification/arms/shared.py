@@ -120,7 +120,7 @@ def _one_gain(model: Model, rows: Rows, links: Links, block: Fitted) -> Model | 
 
 
 def _load_beside_gains(model: Model, rows: Rows, links: Links, alone: Fitted) -> Model | None:
-    """Return the model with a load and the gains that hid it, if joints share it beside these.
+    """Return the model with a load and the gain that hid it, if joints share it beside that.
 
     What a load adds to a joint whose effort is reported too small may be next to nothing: then that
     joint speaks against the load that the others feel.
@@ -145,16 +145,17 @@ def _load_beside_gains(model: Model, rows: Rows, links: Links, alone: Fitted) ->
         there = replace(gained, terms=tuple(gained.terms[number] for number in beside))
         hung = placed(loaded(there, rows, links, fit.with_load(beside, best.link)), rows)
         found.append((hung, evaluate(hung, rows)))
-    # Beside one gain the load is told best; of all of them one may do as well.
+    # Several gains and a load stand for much else, as for a differential.
     *single, (_, least) = found
     hung, score = min(single, key=lambda one: one[1].loss)
     lost, error = compare(score.losses, least.losses)
-    return hung if lost <= error else found[-1][0]
+    return hung if lost <= error else None
 
 
 def _with_gain(model: Model, rows: Rows, gain: Candidate) -> Model:
     """Return the model with a gain of one joint, unless its columns explain it."""
-    if gain.key in model.declared or not gain.effect.applies(model.recording, gain.joint):
+    there = model.declared | {candidate.key for candidate in model.effects}
+    if gain.key in there or not gain.effect.applies(model.recording, gain.joint):
         return model
     columns = gain.effect.columns(unfitted(model.recording, gain.joint), {})
     term = Term(
