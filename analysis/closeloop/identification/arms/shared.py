@@ -22,7 +22,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.balance.terms import Candidate, Given, Term
-from analysis.closeloop.identification.nameable import lowest
+from analysis.closeloop.identification.candidates import with_law
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.drive import AnyGain
@@ -157,15 +157,7 @@ def _with_gain(model: Model, rows: Rows, gain: Candidate) -> Model:
     there = model.declared | {candidate.key for candidate in model.effects}
     if gain.key in there or not gain.effect.applies(model.recording, gain.joint):
         return model
-    columns = gain.effect.columns(unfitted(model.recording, gain.joint), {})
-    term = Term(
-        effect=gain.effect,
-        joint=gain.joint,
-        columns=columns,
-        lower=lowest(model, gain),
-        candidate=gain,
-    )
-    return with_independent(model, term, rows)
+    return with_law(model, gain, {}, rows, unfitted(model.recording, gain.joint)) or model
 
 
 def with_links(model: Model, links: Links, change: np.ndarray) -> Model:

@@ -52,7 +52,7 @@ class Fitted:
     left: np.ndarray
     losses: np.ndarray
     #: Number of the link that carries a payload, its place, its mass, and the columns of a load
-    #: that the rows tell beside its mass.
+    #: that the rows tell.
     link: int | None = None
     place: np.ndarray | None = None
     mass: float = 0.0
