@@ -7,6 +7,7 @@ from analysis.closeloop.identification.balance.luck import (
     LEAST_BLOCKS,
     comes_in_time,
     least_gain,
+    least_of_joints,
     more_than_luck,
 )
 from analysis.closeloop.identification.balance.model import Model, unfitted
@@ -140,6 +141,8 @@ def _worth(option: Option, model: Model, current: Score, rows: Rows, least: floa
 def matters(option: Option, current: Score, rows: Rows, *, in_form: bool = False) -> bool:
     """Whether a gain is more than what smoothing does to the declared torque.
 
+    To that of its own joint, or joint by joint to those of all that gain.
+
     Args:
         option: tried beside a model.
         current: that model's score.
@@ -147,7 +150,8 @@ def matters(option: Option, current: Score, rows: Rows, *, in_form: bool = False
         in_form: whether no error of smoothing can have the option's form.
     """
     worse, better = current.losses, option.score.losses
-    return option.gain > least_gain(rows, option.candidate.joint, worse, better, in_form=in_form)
+    own = least_gain(rows, option.candidate.joint, worse, better, in_form=in_form)
+    return option.gain > min(own, least_of_joints(rows, worse, better, in_form=in_form))
 
 
 def _told_twice(option: Option, model: Model, current: Score, rows: Rows) -> bool:

@@ -12,6 +12,7 @@ from analysis.closeloop.identification.balance.luck import (
     MIN_GAIN,
     MIN_Z,
     least_gain,
+    least_of_joints,
     wins_in_folds,
 )
 from analysis.closeloop.identification.balance.regression import (
@@ -64,7 +65,7 @@ def shared_by_joints(alone: Predicted, other: Predicted, rows: Rows) -> bool:
     that error.
     """
     gain = alone.loss - other.loss
-    matters = sum(least_gain(rows, joint, alone.losses, other.losses) for joint in rows.samples)
+    matters = least_of_joints(rows, alone.losses, other.losses)
     return gain > max(MIN_GAIN * alone.loss, matters) and better_for_all(alone, other, rows)
 
 

@@ -46,10 +46,10 @@ def with_gains(model: Model, rows: Rows) -> Model:
 
 
 def _without_needless(model: Model, rows: Rows) -> Model:
-    """Take out gains, and offsets beside them, that are not missed once loads hang without them."""
+    """Take out gains, and what was asked for before them, that are not missed beside loads."""
     gained = any(candidate.effect is GAIN for candidate in model.effects)
     for candidate in model.effects if gained else ():
-        if candidate.effect in (GAIN, OFFSET):
+        if candidate.effect in (GAIN, OFFSET, INERTIA):
             rest = placed(model.without(candidate), rows)
             gain, error = compare(evaluate(rest, rows).losses, evaluate(model, rows).losses)
             if gain <= error:

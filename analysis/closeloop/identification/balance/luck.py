@@ -55,6 +55,25 @@ def least_gain(
     return least
 
 
+def least_of_joints(
+    rows: Rows, worse: np.ndarray, better: np.ndarray, *, in_form: bool = False
+) -> float:
+    """Return the least gain of all joints together that is more than what smoothing does to them.
+
+    What a joint does not feel asks for nothing there: a slide measured without noise that counts
+    kept an arm from its load, and a shoulder that carries much weight from a spring that its
+    wrist showed (an opponent's).
+
+    Args: as of `least_gain`.
+    """
+    least = 0.0
+    for joint in rows.joints:
+        own = rows.joint_of_block == joint
+        gain = float((worse[own] - better[own]).sum())
+        least += min(max(gain, 0.0), least_gain(rows, joint, worse, better, in_form=in_form))
+    return least
+
+
 def more_than_luck(
     worse: np.ndarray, better: np.ndarray, fold_of_block: np.ndarray, least_z: float = MIN_Z
 ) -> bool:

@@ -286,6 +286,8 @@ def taken_of_alike(fits: dict[str, float], unlikely: str = "") -> str:
     rows: Any = SimpleNamespace(
         effort_power=lambda joint: 1.0,
         smoothing_power=lambda joint: 1.0,
+        joints=(0,),
+        joint_of_block=np.zeros(40, dtype=int),
         fold_of_block=np.arange(40) % 4,
     )
     model: Any = None

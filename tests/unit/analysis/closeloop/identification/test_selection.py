@@ -56,6 +56,8 @@ def test_little_torque_counts_if_it_takes_nearly_all_that_smoothing_does_not(
     rows = SimpleNamespace(
         effort_power=lambda joint: 1000.0 / MIN_TORQUE**2,
         smoothing_power=lambda joint: smoothing,
+        joints=(0,),
+        joint_of_block=np.zeros(12, dtype=int),
         fold_of_block=np.arange(12) % 3,
     )
     score = SimpleNamespace(losses=(1.0 - takes) * losses)
@@ -105,6 +107,7 @@ def test_jerks_of_the_size_and_at_the_times_that_a_law_says_are_no_luck(
         effort_power=lambda joint: 1e3 / MIN_TORQUE**2,
         smoothing_power=lambda joint: smoothing,
         fold_of_block=np.arange(SECONDS) // 6,
+        joints=(0,),
         joint_of_block=np.zeros(SECONDS, dtype=int),
         parts={0: slice(0, len(left))},
     )

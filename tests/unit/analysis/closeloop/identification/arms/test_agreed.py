@@ -67,12 +67,31 @@ def test_a_joint_speaks_against_what_joints_share_by_more_than_chance_or_by_much
     shared[600 : 600 + worse] += (times - 0.9) * blocks / worse
     rows = SimpleNamespace(
         joints=(0, 1),
-        samples={0: (), 1: ()},
         joint_of_block=own,
         fold_of_block=np.arange(len(own)) % 4,
         effort_power=lambda _: 1.0,
     )
     first, other = (SimpleNamespace(losses=one, loss=one.sum()) for one in (alone, shared))
+    assert bool(shared_by_joints(first, other, cast(Rows, rows))) is kept
+
+
+@pytest.mark.parametrize(("times", "kept"), [(0.3, True), (0.999, False)])
+def test_a_joint_that_feels_nothing_of_it_asks_for_nothing(times: float, kept: bool) -> None:
+    """A slide measured without noise that counts kept an opponent's arm from its load.
+
+    Of the joint that feels it less than a hundredth of the effort is smoothing's.
+    """
+    own = np.repeat([0, 1], [40, 40])
+    alone = np.full(80, 10.0)
+    shared = np.where(own == 0, times * alone, alone)
+    rows = SimpleNamespace(
+        joints=(0, 1),
+        joint_of_block=own,
+        fold_of_block=np.arange(80) % 4,
+        effort_power=lambda joint: 1e6 if joint == 0 else 1e12,
+        smoothing_power=lambda _: 1.0,
+    )
+    first, other = (SimpleNamespace(losses=o, loss=o.sum()) for o in (alone, shared))
     assert bool(shared_by_joints(first, other, cast(Rows, rows))) is kept
 
 
@@ -85,7 +104,6 @@ def test_what_takes_nearly_all_that_is_left_need_not_be_much_of_the_effort(
     alone = np.full(80, 10.0) + np.random.default_rng(1).random(80)
     rows = SimpleNamespace(
         joints=(0, 1),
-        samples={0: (), 1: ()},
         joint_of_block=own,
         fold_of_block=np.arange(80) % 4,
         effort_power=lambda _: 1e7,
