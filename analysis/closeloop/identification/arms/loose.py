@@ -5,8 +5,9 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from scipy.optimize import least_squares
 
+from analysis.closeloop.identification.arms.links import freed_links, links_of
+from analysis.closeloop.identification.arms.whole_fit import WholeFit, link_rows, with_links
 from analysis.closeloop.identification.balance.declared import placed
 from analysis.closeloop.identification.balance.luck import MIN_GAIN, more_than_luck
 from analysis.closeloop.identification.balance.model import Model, estimate_of, evaluate
@@ -19,14 +20,13 @@ from analysis.closeloop.identification.candidates import (
 )
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.selection import choose, matters
+from analysis.closeloop.identification.springs import left_by, nearest
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Theta
 from sim.effects.laws.loose_link import (
-    AGREES,
     RESONANCES,
     LooseLink,
     springs_apart,
-    springs_together,
 )
 from sim.effects.motion import RecordedJoint
 
@@ -37,11 +37,6 @@ COUPLED = 0.2
 #: Where two springs are looked for at once: every other resonance, well damped, so that none falls
 #: between. On two arms of three joints what is left has one valley over these.
 PAIRED, PAIRED_DAMPING = RESONANCES[::2], 0.2
-#: Steps of all springs' parameters at once, at most; the share of what is left that one has to take
-#: away for another to follow, and by what share a parameter is moved to see what it does.
-STEPS, SETTLED, STEP = 15, 1e-3, 0.01
-#: How far a parameter may go, as a factor, and the least damping ratio that it begins from.
-FURTHEST, LEAST_DAMPING = 8.0, 0.005
 
 
 def with_loose(model: Model, rows: Rows) -> tuple[Model, dict[tuple[str, int], Step]]:
@@ -60,11 +55,40 @@ def with_loose(model: Model, rows: Rows) -> tuple[Model, dict[tuple[str, int], S
             if isinstance(c.effect, LooseLink) and c.joint not in taken
         ]
         options = options_beside(model, rows, current, tried)
+        if model.given is not None:
+            options = _beside_free_links(options, rows, current)
         step = choose(options, model, current, rows, MIN_GAIN * current.loss)
         if step is None or step.taken.refused:
-            return model, found
+            break
         model = settled_loose(placed(step.taken.model, rows), rows)
         found[step.key] = step
+    model, steps = _with_pair(model, rows)
+    return model, found | steps
+
+
+def _beside_free_links(options: list[Option], rows: Rows, current: Score) -> list[Option]:
+    """Return options with the links fitted anew beside each, best first."""
+    found = []
+    for option in options:
+        model = _linked_anew(option.model, rows)
+        score = evaluate(model, rows)
+        gain, error = compare(current.losses, score.losses)
+        found.append(replace(option, model=model, score=score, gain=gain, z=gain / error))
+    return sorted(found, key=lambda option: -option.gain)
+
+
+def _linked_anew(model: Model, rows: Rows) -> Model:
+    """Return the model with other links than declared, if it has any, fitted beside its terms.
+
+    Ten numbers a link stand for most of what a spring does until both are fitted at once (a made
+    arm with a last link of 0.78 times its mass).
+    """
+    if model.given is None:
+        return model
+    links = freed_links(model, links_of(model.recording))
+    rest = replace(model, given=None)
+    fitted = WholeFit(rest, rows, links).with_links(range(len(rest.terms)))
+    return with_links(rest, links, fitted.links)
 
 
 def settled_loose(model: Model, rows: Rows) -> Model:
@@ -85,7 +109,7 @@ def settled_loose(model: Model, rows: Rows) -> Model:
     joint = RecordedJoint(model.recording, next(iter(thetas)), estimate)
     left = _left_by(model.keeping(lambda c: c.effect is not ELASTIC), rows, joint)
     # Always anew: others may be gone that each swung beside.
-    return _with_springs(model, joint, _nearest(left, thetas))
+    return _with_springs(model, joint, nearest(left, thetas))
 
 
 def _springs(model: Model) -> dict[int, Theta]:
@@ -116,51 +140,14 @@ def _with_springs(model: Model, joint: RecordedJoint, thetas: Mapping[int, Theta
 def _left_by(
     rest: Model, rows: Rows, joint: RecordedJoint
 ) -> Callable[[Mapping[int, Theta]], np.ndarray]:
-    """Return what tells what springs leave, (r,), beside a model that has none."""
-    base, _ = rest.base(rows)
-    others = np.linalg.qr(base)[0]
-    target = rest.target(rows)
-    target = target - others @ (others.T @ target)
-
-    def left(thetas: Mapping[int, Theta]) -> np.ndarray:
-        columns = rest.transformed(springs_together(joint, thetas))
-        own = rows.stack(columns, 1)[:, 0]
-        own = own - others @ (others.T @ own)
-        size = float(own @ target) / max(float(own @ own), 1e-300)
-        return np.asarray(target - np.clip(size, 1.0 / AGREES, AGREES) * own)
-
-    return left
+    """Return what tells what springs leave, (r,), beside free links if others were found."""
+    if rest.given is None:
+        return left_by(rest, rows, joint)
+    links = freed_links(rest, links_of(rest.recording))
+    return left_by(rest, rows, joint, link_rows(rest, rows, links))
 
 
-def _nearest(
-    left: Callable[[Mapping[int, Theta]], np.ndarray], thetas: Mapping[int, Theta]
-) -> dict[int, Theta]:
-    """Return the parameters of springs, all at once, that leave least near where they are.
-
-    By Levenberg and Marquardt's method over their logarithms.
-    """
-    names = [(number, name) for number, theta in thetas.items() for name in theta]
-    begin = np.log([max(thetas[number][name], LEAST_DAMPING) for number, name in names])
-    low, high = begin - np.log(FURTHEST), begin + np.log(FURTHEST)
-
-    def at(logarithms: np.ndarray) -> dict[int, Theta]:
-        found: dict[int, dict[str, float]] = {number: {} for number in thetas}
-        for (number, name), value in zip(names, np.exp(logarithms).tolist(), strict=True):
-            found[number][name] = value
-        return dict(found)
-
-    found = least_squares(
-        lambda x: left(at(x)),
-        begin,
-        bounds=(low, high),
-        diff_step=STEP,
-        ftol=SETTLED,
-        max_nfev=STEPS,
-    )
-    return at(found.x)
-
-
-def with_pair(model: Model, rows: Rows) -> tuple[Model, dict[tuple[str, int], Step]]:
+def _with_pair(model: Model, rows: Rows) -> tuple[Model, dict[tuple[str, int], Step]]:
     """Add a spring beside one that was found alone, both asked at once; what is new also as steps.
 
     Links that swing against each other do so at other frequencies than alone: one spring takes most
@@ -178,7 +165,7 @@ def with_pair(model: Model, rows: Rows) -> tuple[Model, dict[tuple[str, int], St
     if not begun:
         return model, {}
     _, paired, pair = min(begun, key=lambda one: one[0])
-    paired = settled_loose(placed(paired, rows), rows)
+    paired = _linked_anew(settled_loose(placed(paired, rows), rows), rows)
     score = evaluate(paired, rows)
     gain, error = compare(current.losses, score.losses)
     # In the place of as many effects they only have to predict better.
@@ -226,5 +213,5 @@ def _paired(model: Model, rows: Rows, pair: tuple[Candidate, Candidate]) -> Mode
     thetas = [{"resonance": hertz, "damping_ratio": PAIRED_DAMPING} for hertz in PAIRED]
     grid = ({**others, first: one, second: other} for one, other in product(thetas, thetas))
     best = min(grid, key=lambda springs: float(np.sum(left(springs) ** 2)))
-    paired = _with_springs(rest, joint, _nearest(left, best))
+    paired = _with_springs(rest, joint, nearest(left, best))
     return paired if _gains(without, evaluate(paired, rows)) else None

@@ -29,11 +29,11 @@ from analysis.closeloop.identification.arms.agreed import (
 from analysis.closeloop.identification.arms.gains import alike, with_gains
 from analysis.closeloop.identification.arms.hidden import beside_friction
 from analysis.closeloop.identification.arms.links import Links, freed_links, links_of
-from analysis.closeloop.identification.arms.loose import settled_loose, with_loose, with_pair
+from analysis.closeloop.identification.arms.loose import settled_loose, with_loose
 from analysis.closeloop.identification.arms.motors import with_other_joints
 from analysis.closeloop.identification.arms.ordinary import with_ordinary
-from analysis.closeloop.identification.arms.shared import with_heavier_link, with_links, with_share
-from analysis.closeloop.identification.arms.whole_fit import WholeFit
+from analysis.closeloop.identification.arms.shared import with_heavier_link, with_share
+from analysis.closeloop.identification.arms.whole_fit import WholeFit, with_links
 from analysis.closeloop.identification.arms.zeros import (
     ZERO,
     beside_load,
@@ -126,8 +126,6 @@ def _traced(
 
     progress("what is loose")
     model, found = with_loose(model, rows)
-    model, steps = with_pair(model, rows)
-    found |= steps
     if found:
         model = settled_loose(shared_again(model), rows)
     for joint in rows.joints:

@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from analysis.closeloop.identification.arms.agreed import (
     SHARED,
     better_for_all,
@@ -11,7 +9,7 @@ from analysis.closeloop.identification.arms.agreed import (
     sure,
 )
 from analysis.closeloop.identification.arms.links import Links, links_of
-from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit, loaded
+from analysis.closeloop.identification.arms.whole_fit import Fitted, WholeFit, loaded, with_links
 from analysis.closeloop.identification.balance.declared import placed
 from analysis.closeloop.identification.balance.luck import MIN_GAIN, MIN_LATER_GAIN
 from analysis.closeloop.identification.balance.model import (
@@ -21,14 +19,13 @@ from analysis.closeloop.identification.balance.model import (
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
-from analysis.closeloop.identification.balance.terms import Candidate, Given, Term
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.candidates import with_law
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.drive import AnyGain
-from sim.effects.laws.inertia import LinkInertia, PlacedPayload
+from sim.effects.laws.inertia import PlacedPayload
 
-LINKS = LinkInertia()
 GAIN, ONE_GAIN = AnyGain(), BY_NAME["torque_gain"]
 INERTIA = BY_NAME["added_inertia"]
 
@@ -158,26 +155,6 @@ def _with_gain(model: Model, rows: Rows, gain: Candidate) -> Model:
     if gain.key in there or not gain.effect.applies(model.recording, gain.joint):
         return model
     return with_law(model, gain, {}, rows, unfitted(model.recording, gain.joint)) or model
-
-
-def with_links(model: Model, links: Links, change: np.ndarray) -> Model:
-    """Give the model the links that a fit found."""
-    recording = model.recording
-    torque = {
-        joint: sum(
-            (
-                recording.link_torque(body)[:, joint] @ own
-                for body, own in zip(links.bodies, change, strict=True)
-            ),
-            start=np.zeros(len(recording.time)),
-        )[:, None]
-        for joint in recording.joints
-    }
-    values = dict(zip(links.names, links.declared + change, strict=True))
-    candidate = Candidate(effect=LINKS, joint=recording.joints[0])
-    changes = dict(zip(links.bodies, change, strict=True))
-    given = Given(torque=torque, candidate=candidate, links=values, changes=changes)
-    return replace(model, given=given)
 
 
 def with_heavier_link(model: Model, rows: Rows) -> Model:

@@ -25,17 +25,24 @@ from analysis.closeloop.identification.balance.least_squares import (
 )
 from analysis.closeloop.identification.balance.model import Model, unfitted, with_independent
 from analysis.closeloop.identification.balance.regression import Rows, compare
-from analysis.closeloop.identification.balance.terms import Candidate, Term, kept_columns
+from analysis.closeloop.identification.balance.terms import (
+    Candidate,
+    Given,
+    Term,
+    kept_columns,
+)
 from analysis.closeloop.session.chain.link_torque import carriers
 from sim.effects.laws.inertia import (
     LEAST_LOAD,
     MOST_LOAD,
     OWN_INERTIA,
     PLACE,
+    LinkInertia,
     load_parameters,
     tells_inertia,
 )
 
+LINKS = LinkInertia()
 #: How much more than one second's rows the declared links may count, firmest first.
 STRENGTHS = (100.0, 10.0, 1.0)
 
@@ -78,16 +85,7 @@ class WholeFit:
         self.owner = np.repeat(np.arange(len(parts)), [part.shape[1] for part in parts])
         self.lower = model.base(rows)[1]
         self.size = len(self.owner)
-        recording = model.recording
-        every = [recording.link_torque(body) for body in links.bodies]
-        width = PARAMETERS * len(every)
-        columns = {
-            joint: np.concatenate([torque[:, joint] for torque in every], axis=1)
-            for joint in recording.joints
-            if every
-        }
-        shared = rows.stack(model.transformed(columns), width)
-        self.table = np.column_stack([*parts, shared, model.target(rows)])
+        self.table = np.column_stack([*parts, link_rows(model, rows, links), model.target(rows)])
         self.grams = gram_matrices(self.table, rows.folds)
         self.total = self.grams.sum(axis=0)
 
@@ -314,6 +312,18 @@ class WholeFit:
         )
 
 
+def link_rows(model: Model, rows: Rows, links: Links) -> np.ndarray:
+    """Return what one unit of every link's parameters asks of the joints, (r, 10 links)."""
+    recording = model.recording
+    every = [recording.link_torque(body) for body in links.bodies]
+    columns = {
+        joint: np.concatenate([torque[:, joint] for torque in every], axis=1)
+        for joint in recording.joints
+        if every
+    }
+    return rows.stack(model.transformed(columns), PARAMETERS * len(every))
+
+
 def loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
     """Add the payload of a fit as a term."""
     assert load.link is not None and load.place is not None
@@ -332,3 +342,23 @@ def loaded(model: Model, rows: Rows, links: Links, load: Fitted) -> Model:
     *others, hung = with_independent(model, term, rows).terms
     kept = tuple(column for column in hung.kept if column in load.told)
     return replace(model, terms=(*others, replace(hung, kept=kept)))
+
+
+def with_links(model: Model, links: Links, change: np.ndarray) -> Model:
+    """Give the model the links that a fit found."""
+    recording = model.recording
+    torque = {
+        joint: sum(
+            (
+                recording.link_torque(body)[:, joint] @ own
+                for body, own in zip(links.bodies, change, strict=True)
+            ),
+            start=np.zeros(len(recording.time)),
+        )[:, None]
+        for joint in recording.joints
+    }
+    values = dict(zip(links.names, links.declared + change, strict=True))
+    candidate = Candidate(effect=LINKS, joint=recording.joints[0])
+    changes = dict(zip(links.bodies, change, strict=True))
+    given = Given(torque=torque, candidate=candidate, links=values, changes=changes)
+    return replace(model, given=given)

@@ -17,9 +17,10 @@ from tests.testbed.sessions.plants import ARM, CARRIAGE, ELASTIC_ARM, LIMP_ARM, 
 
 #: The file of the trial that carries more than the others.
 LOADED = "loaded.csv"
-#: Half a kilogram that hangs on the last link, and where that ends in the arm's file.
+#: Half a kilogram that hangs on the last link, that link's mass, and where it ends in the file.
 LOAD = """<body pos="0.25 0 0"><inertial pos="0 0 0" mass="0.5" diaginertia="1e-4 1e-4 1e-4"/>
 </body>"""
+FORE = 'mass="1.4"'
 LAST_LINK = "</body>\n    </body>"
 
 
@@ -86,6 +87,19 @@ def test_springs_of_links_that_swing_against_each_other_are_both_found(tmp_path:
         compliance = found[joint]["parameters"]["compliance"]["value"]
         assert compliance == pytest.approx(1 / stiffness, rel=0.05)
     assert all(not left["events"] for left in report["unexplained"].values())
+
+
+def test_springs_and_a_link_of_less_mass_than_declared_are_found_together(tmp_path: Path) -> None:
+    """Other links stood for most of what a spring does: a stranger's had gains of all joints."""
+    assert FORE in LIMP_ARM
+    truth = LIMP_ARM.replace(FORE, FORE.replace("1.4", "1.09"))
+    write_recordings(tmp_path, ARM, 3, truth=truth)
+    report = analyse(tmp_path).report
+    assert {name for name, _ in names(report)} == {"link_inertia", "series_elasticity"}
+    found = {e["joint"]: e for e in report["effects"] if e["name"] == "series_elasticity"}
+    for joint, stiffness in (("shoulder", 900.0), ("elbow", 60.0)):
+        compliance = found[joint]["parameters"]["compliance"]["value"]
+        assert compliance == pytest.approx(1 / stiffness, rel=0.06)
 
 
 def test_a_mass_at_the_end_of_a_chain_is_found_through_both_joints(tmp_path: Path) -> None:
