@@ -31,9 +31,11 @@ from analysis.closeloop.identification.nameable import (
     one_way,
     refusal,
 )
+from analysis.closeloop.identification.springs import left_by, nearest
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import EFFECTS, OF_ROBOTS
 from sim.effects.effect import Theta
+from sim.effects.laws.loose_link import BEHIND
 from sim.effects.motion import Estimate, RecordedJoint
 
 #: Steps of parameters in turn; those that are always made, and the least share of the misfit that
@@ -110,7 +112,8 @@ def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option
     """Refine the foremost options, so that none loses by the grain of its grid."""
     sharp = []
     for place, option in enumerate(options):
-        if place < CONTENDERS and option.gain > 0.5 * options[0].gain:
+        close = place < CONTENDERS and option.gain > 0.5 * options[0].gain
+        if close or option.candidate.effect.has_to_agree:
             model, scored = refined(option, rows)
             gain, error = compare(current.losses, scored.losses)
             if gain > option.gain:
@@ -332,8 +335,29 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
                 (model, current), theta = found, near
         if number >= COARSE and current.sse > (1.0 - SETTLED) * begun:
             break
+    if own is not None and BEHIND in theta:
+        model, current = _swung(model, current, rows, candidate)
     # Coefficients must follow the order of the model's terms.
     return model, evaluate(model, rows)
+
+
+def _swung(model: Model, current: Score, rows: Rows, candidate: Candidate) -> tuple[Model, Score]:
+    """Refine a limb's spring: its parameters together, since one does most of what another does.
+
+    Moved one by one they stopped where the compliance was two thirds of what it is (an opponent's).
+    """
+    rest = model.without(candidate)
+    for _ in REFINEMENTS:
+        own = next(term for term in model.terms if term.candidate == candidate)
+        estimate = estimate_beside(model, np.array(current.coefficients), own)
+        joint = RecordedJoint(model.recording, candidate.joint, estimate)
+        left = left_by(rest, rows, joint, agrees=1.0)
+        theta = nearest(left, {candidate.joint: own.theta})[candidate.joint]
+        found = best_of(rest, rows, candidate, [theta], joint)
+        if found is None or found[1].sse > (1.0 - SETTLED) * current.sse:
+            break
+        model, current = found
+    return model, current
 
 
 def with_law(

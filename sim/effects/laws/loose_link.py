@@ -11,7 +11,7 @@ import numpy as np
 from sim.effects.effect import Columns, Effect, Limits, Theta
 from sim.effects.hanging import hanging
 from sim.effects.motion import RecordedJoint, Spring
-from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, named
+from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, Values, named
 
 #: Factor by which a compliance and that of its resonance may differ: set, as the last of these,
 #: while looking at sessions of the unkind bench with seeds below 400. A gap may by no more.
@@ -25,6 +25,8 @@ RESONANCES = (1.5, 1.9, 2.4, 3.0, 3.7, 4.6, 5.8, 7.2, 9.0, 11.0, 14.0, 18.0, 25.
 #: Share of a swing that samples have to show for them to determine it: it may have faded before
 #: the first of them, or be quicker than the low-pass lets through.
 FADED = 0.1
+#: Non-linear parameter of a limb's spring: the share of the inertia, less the motor's, behind it.
+BEHIND = "inertia_behind"
 #: Samples of a flight through a gap that are computed at a time.
 FLIGHT = 64
 
@@ -36,7 +38,9 @@ class LooseLink(Effect):
 class SeriesElasticity(LooseLink):
     """A spring between the recorded position and the limb: the limb is twisted behind by d.
 
-    The motor's own inertia and damping lie before the spring (Spong 1987). Behind it the link with
+    The motor's own inertia and damping lie before the spring (Spong 1987); before one between a
+    device and a limb, as that of cuffs on soft tissue, so do the device's links: which share of the
+    inertia is behind it is fitted. Behind it the link with
     M, D, K and the slope of gravity g' follows M d'' + (D + e) d' + (K + g' + k) d = u, where u is
     the torque that the link would need without a spring of k and e, and M, D and g' are those of
     where the arm is and how it moves; the balance changes by -(M d'' + D d' + (K + g') d). The
@@ -57,16 +61,31 @@ class SeriesElasticity(LooseLink):
     separating_trial = "push the joint with short pulses, and record the limb's own angle"
     parameters = named(
         compliance=Parameter("rad/Nm", "1 / k", floor=0.0),
-        resonance=Parameter("Hz", "at which the limb swings on the spring", floor=0.0),
-        damping_ratio=Parameter("1", "of that swing by the spring's own damping", floor=0.0),
+        resonance=Parameter("Hz", "at which the limb swings on it", floor=0.0),
+        damping_ratio=Parameter("1", "of that swing by its own damping", floor=0.0, ceiling=1.0),
+        inertia_behind=Parameter(
+            "1", "share behind a limb's", neutral=1.0, floor=LEAST_LINK, ceiling=1.0
+        ),
     )
     coefficients = ("compliance",)
     lower = (0.0,)
     nonlinear = (
         Nonlinear("resonance", RESONANCES, scaling=0.2, step=RELATIVE),
         Nonlinear("damping_ratio", (0.05, 0.2), scaling=0.5, step=RELATIVE),
+        Nonlinear(BEHIND, (1.0,), scaling=0.2, step=RELATIVE),
     )
     uses_estimate = has_to_agree = filters = True
+
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        limb = joint.number in joint.recording.limbs
+        # A robot's spring is its gear's: all that it moves hangs behind.
+        return [
+            {name: value for name, value in theta.items() if limb or name != BEHIND}
+            for theta in super().thetas(joint)
+        ]
+
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        return {name: theta[name] for name in self.parameters.keys() & theta.keys()}
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         others = {n: spring for n, spring in joint.estimate.springs.items() if n != joint.number}
@@ -238,6 +257,9 @@ def _parts(
     """
     recording, joints = joint.recording, list(thetas)
     load = joint.estimate.carried - there
+    for number, theta in thetas.items():
+        before = (1.0 - theta.get(BEHIND, 1.0)) * _behind(joint, number)
+        load[:, number] -= before * recording.acceleration[:, number]
     inertias = np.stack([joint.inertias[n] for n in joints], axis=-1)
     drags = np.stack([joint.drags[n] for n in joints], axis=-1)
     slopes = np.stack([joint.slopes[n] for n in joints], axis=-1)
@@ -245,7 +267,7 @@ def _parts(
     springs, own = np.empty((2, len(joints)))
     for place, (number, theta) in enumerate(thetas.items()):
         itself = (slice(None), place, place)
-        inertia[itself] = _behind(joint, number)
+        inertia[itself] = theta.get(BEHIND, 1.0) * _behind(joint, number)
         springs[place] = _spring(joint, number, theta)
         own[place] = 2.0 * theta["damping_ratio"] * np.sqrt(springs[place] * inertia[itself].mean())
         # A first estimate may be such that nothing would hang on the spring stably.
@@ -306,7 +328,8 @@ def _swings(
 
 def _spring(joint: RecordedJoint, number: int, theta: Theta) -> float:
     """Return the stiffness on which a joint's link swings so fast, on average, Nm/rad or N/m."""
-    return float(_behind(joint, number).mean() * (2.0 * np.pi * theta["resonance"]) ** 2)
+    inertia = theta.get(BEHIND, 1.0) * float(_behind(joint, number).mean())
+    return inertia * (2.0 * np.pi * theta["resonance"]) ** 2
 
 
 def _behind(joint: RecordedJoint, number: int) -> np.ndarray:

@@ -42,7 +42,10 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     "torque_ripple": ({"order": 23.6}, (0.4, 0.3)),
     "time_delay": ({"delay": 0.02}, ()),
     "actuator_lag": ({"time_constant": 0.03}, ()),
-    "series_elasticity": ({"resonance": 5.0, "damping_ratio": 0.2}, (0.0225,)),
+    "series_elasticity": (
+        {"resonance": 5.0, "damping_ratio": 0.2, "inertia_behind": 1.0},
+        (0.0225,),
+    ),
     "backlash": ({"crossed": 0.1}, (1.2,)),
     "hysteresis": ({"distance": 0.25, "exponent": 1.0}, (1.2,)),
     "stretch_reflex": ({"side": 1.0, "delay": 0.06, "speed": 0.15, "angle": -2.0}, (1.5,)),

@@ -276,9 +276,11 @@ def slopes_of(
         if isinstance(part, Term) and (part.effect is None or part.load is not None):
             continue
         for parameter in part.at.effect.nonlinear:
-            if parameter.step is None:
+            name = parameter.name
+            # A robot's spring has no part of its inertia to fit.
+            if parameter.step is None or name not in part.theta:
                 continue
-            name, value = parameter.name, part.theta[parameter.name]
+            value = part.theta[name]
             if value == parameter.usual:
                 continue
             step = parameter.step[0] + parameter.step[1] * abs(value)

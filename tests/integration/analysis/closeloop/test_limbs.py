@@ -24,6 +24,32 @@ LIFTED = replace(
     centre=(0.6,),
 )
 
+#: A device of 0.018 kg m2 beside its motor and a forearm of 0.042 on it; the stiffness of its cuff,
+#: Nm/rad; and what is true, the forearm held by its elbow.
+CUFFED = replace(
+    LIMB,
+    mjcf=LIMB.changed(
+        '<inertial pos="0.15 0 0" mass="1.4" diaginertia="0.008 0.03 0.03"/>',
+        """<inertial pos="0.1 0 0" mass="1" diaginertia="0.008 0.008 0.008"/>
+        <body name="forearm">
+          <inertial pos="0.15 0 0" mass="1.4" diaginertia="0.004 0.0105 0.0105"/>
+        </body>""",
+    ),
+)
+CUFF = 60.0
+SOFT = CUFFED.changed(
+    '<body name="forearm">',
+    f'<body name="forearm"><joint name="cuff" axis="0 0 1" stiffness="{CUFF}" damping="0.3"/>',
+).replace(
+    "</worldbody>",
+    f"""</worldbody>
+  <tendon>
+    <fixed stiffness="{STIFFNESS}" damping="{DAMPING}" springlength="1.2">
+      <joint joint="elbow" coef="1"/><joint joint="cuff" coef="1"/>
+    </fixed>
+  </tendon>""",
+)
+
 
 def rubbing(friction: float) -> str:
     """Return the attributes of a joint with friction, Nm."""
@@ -63,6 +89,16 @@ def answer(
     session["declared_effects"] = [{"effect": name, "joint": "elbow"} for name in names]
     (folder / "session.json").write_text(json.dumps(session))
     return analyse(folder).report
+
+
+def test_a_cuff_s_spring_is_found_with_the_part_of_the_inertia_behind_it(tmp_path: Path) -> None:
+    """What the device moves itself lies before it: a stranger's compliance was a third too low."""
+    report = answer(tmp_path, CUFFED, SOFT)
+    assert [effect["name"] for effect in report["effects"]] == ["series_elasticity"]
+    found = report["effects"][0]["parameters"]
+    assert found["compliance"]["value"] == pytest.approx(1 / CUFF, rel=0.1)
+    assert found["inertia_behind"]["value"] == pytest.approx(0.7, rel=0.1)
+    assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(STIFFNESS, rel=0.02)
 
 
 @pytest.mark.parametrize("real", [0.2, 0.0])
