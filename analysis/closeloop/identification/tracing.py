@@ -20,6 +20,7 @@ from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.sticking import sliding
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Grown, Option, Step, Trace
 from analysis.closeloop.identification.friction.at_turns import with_peak_at_turns
@@ -30,6 +31,7 @@ from analysis.closeloop.identification.growing.starts import regrown
 from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.identification.holding import determined, held_in_octaves
 from analysis.closeloop.identification.nameable import ONE_WAY, moves_one_way
+from analysis.closeloop.identification.presliding import rubbing_anyway
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 
@@ -45,6 +47,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     if not limbs:
         return _robot(declared, rows, progress)
     progress("what splines can explain")
+    rows = _sliding(declared, rows)
     rows = rows.reweighted(explainable(declared, rows).noise)
     before = evaluate(declared, rows)
     beyond = explainable(declared, rows)
@@ -86,6 +89,19 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         notes=(*refusals, *unsure, *notes),
     )
     return _with_rests(_judged(found))
+
+
+def _sliding(declared: Model, rows: Rows) -> Rows:
+    """Return the rows without those in which a limb's device sticks, if most is left there.
+
+    What its friction is there no motion shows: a delay, an early one too, took it from both sides
+    of every reversal (an opponent's).
+    """
+    model = declared
+    for joint in rows.joints:
+        model = rubbing_anyway(model, joint)
+    residual = model.target(rows) - model.base(rows)[0] @ evaluate(model, rows).coefficients
+    return sliding(model, rows, residual / rows.weight)
 
 
 def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trace:
