@@ -34,7 +34,7 @@ class TorqueRipple(Law):
     parameters = named(
         cosine=size("Nm", 1.0, "ripple, cosine part", low=-1.0),
         sine=size("Nm", 1.0, "ripple, sine part", low=-1.0),
-        order=Parameter("1", "periods a turn", 1.0, 40.0, neutral=12.0, choice=True),
+        order=Parameter("1/rad", "periods a turn", 1.0, 40.0, neutral=12.0, choice=True),
     )
     coefficients = ("cosine", "sine")
     nonlinear = (Nonlinear("order", scaling=0.01, step=RELATIVE),)
@@ -51,9 +51,11 @@ class TorqueRipple(Law):
         _, half = joint.travel
         if good.sum() < 200:
             return []
-        orders = 0.25 * np.pi / half * np.arange(4, 238)
+        limb = joint.number in joint.recording.limbs
+        orders = 0.25 * np.pi / half * np.arange(4 * (LEAST_PERIODS if limb else 1.0), 238)
         power = beyond_a_line(joint.position[good], residual[good], orders)
-        around = np.concatenate([[0.0], power, [0.0]])
+        # What falls off from a limb's longest wave on is a curve, and no wave.
+        around = np.concatenate([[np.inf if limb else 0.0], power, [0.0]])
         peaks = np.flatnonzero((power > around[:-2]) & (power >= around[2:]))
         best = peaks[np.argsort(power[peaks])[::-1][:4]]
         return [
@@ -62,13 +64,15 @@ class TorqueRipple(Law):
             for shift in (-0.12, 0.0, 0.12)
         ]
 
+    def limits(self, joint: RecordedJoint) -> Limits:
+        """A limb's soft tissue bends: fewer periods fill its curve (an opponent's)."""
+        if joint.number not in joint.recording.limbs:
+            return super().limits(joint)
+        return {**super().limits(joint), "order": (LEAST_PERIODS * np.pi / joint.travel[1], np.inf)}
+
     def unlikely(self, joint: RecordedJoint, theta: Theta) -> bool:
-        # A limb turns so little that a gear's wave may have to do with fewer.
         periods = theta["order"] * joint.travel[1] / np.pi
         return joint.number not in joint.recording.limbs and periods < LEAST_PERIODS
-
-    def unit(self, parameter: str, theta: Theta) -> str:
-        return "1/rad" if parameter == "order" else super().unit(parameter, theta)
 
 
 #: Ways over which something winds up, over half the travel.
