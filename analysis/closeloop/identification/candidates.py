@@ -4,6 +4,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from analysis.closeloop.identification.balance.least_squares import keep_independent
 from analysis.closeloop.identification.balance.model import (
@@ -11,6 +12,7 @@ from analysis.closeloop.identification.balance.model import (
     estimate_beside,
     estimate_of,
     evaluate,
+    unfitted,
     with_independent,
 )
 from analysis.closeloop.identification.balance.regression import (
@@ -43,6 +45,8 @@ from sim.effects.motion import Estimate, RecordedJoint
 #: while looking at limb 533 of the unkind bench, reporting seeds.)
 REFINEMENTS = (1.0, 0.5, 0.25, 0.12, 0.06, 0.03, 0.015)
 COARSE, SETTLED = 4, 0.01
+#: By what share the parameter of a channel may be beside the best, and moves to come there.
+BESIDE, MOVES = 1e-3, 12
 #: Non-linear parameters of how friction passes through zero.
 TURNING = ("smooth",)
 #: Options that are refined before they are compared.
@@ -337,8 +341,34 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
             break
     if own is not None and BEHIND in theta:
         model, current = _swung(model, current, rows, candidate)
+    if candidate.effect.channel:
+        model = _between(model, rows, candidate, theta, scale)
     # Coefficients must follow the order of the model's terms.
     return model, evaluate(model, rows)
+
+
+def _between(model: Model, rows: Rows, candidate: Candidate, theta: Theta, scale: float) -> Model:
+    """Return the model with a channel's parameter where least is left between neighbours.
+
+    Halved steps end beside it, by more than its error (an opponent's lags).
+    """
+    rest, ((name, value),) = model.without(candidate), theta.items()
+
+    def at(moved: float) -> Model:
+        channel = Channel(candidate=candidate, theta={name: moved})
+        return replace(rest, channels=(*rest.channels, channel))
+
+    low, high = sorted(candidate.effect.nonlinear[0].near(value, scale))
+    found = minimize_scalar(
+        lambda moved: evaluate(at(moved), rows).sse,
+        bounds=(low, high),
+        method="bounded",
+        options={"xatol": BESIDE * abs(value), "maxiter": MOVES},
+    )
+    joint = unfitted(model.recording, candidate.joint)
+    if found.fun > evaluate(model, rows).sse or candidate.effect.beyond(joint, {name: found.x}, {}):
+        return model
+    return at(float(found.x))
 
 
 def _swung(model: Model, current: Score, rows: Rows, candidate: Candidate) -> tuple[Model, Score]:

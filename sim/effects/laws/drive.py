@@ -226,7 +226,7 @@ class ActuatorLag(Late):
 
     def through(self, recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
         # Above the fit's band a slope of the torque, a third derivative, is noise alone.
-        slope = recording.derivative(recording.filtered(column))
+        slope = recording.derivative(column)
         return column + theta["time_constant"] * slope
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:

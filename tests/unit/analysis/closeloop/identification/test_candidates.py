@@ -7,7 +7,7 @@ import pytest
 
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
-from analysis.closeloop.identification.balance.terms import Candidate, Channel
+from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term
 from analysis.closeloop.identification.candidates import (
     _try,
     options_beside,
@@ -19,6 +19,8 @@ from sim.effects.catalogue import BY_NAME, EFFECTS
 from sim.effects.effect import Theta
 from tests.testbed.sessions.rich import ELBOW, TRUTH, asked, swung, torque
 
+#: A lag between two of those that are tried first, s.
+LAG = 0.0236
 #: Three joints about parallel axes.
 CHAIN = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
 <body pos=".2 0 0"><joint name="b" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
@@ -86,6 +88,24 @@ def test_refining_stays_within_what_an_effect_can_be(recording: Recording) -> No
     better, scored = refined(option, rows)
     found = dict(enumerate(scored.coefficients))
     assert candidate.effect.beyond(joint, better.terms[-1].theta, found) == ""
+
+
+@pytest.mark.parametrize("hertz", [2.0, 9.0])
+def test_a_lag_is_what_it_is_near_the_cutoff_too(recording: Recording, hertz: float) -> None:
+    """A stranger's of 24 ms was 27: the law's slope passed the fit's low-pass twice."""
+    swing = 0.8 * np.sin(2 * np.pi * hertz * recording.time)
+    known = np.array(recording.inverse)
+    known[:, ELBOW] += swing
+    effort = known + LAG * recording.derivative(known)
+    late = replace(recording, effort=recording.filtered(effort), cache={})
+    model = Model(late, terms=(Term(joint=ELBOW, columns={ELBOW: swing[:, None]}, kept=(0,)),))
+    rows, candidate = (
+        select_rows(late, (0,)),
+        Candidate(effect=BY_NAME["actuator_lag"], joint=ELBOW),
+    )
+    found = tried_alone(model, rows, candidate)
+    assert found is not None
+    assert found[0].channels[-1].theta["time_constant"] == pytest.approx(LAG, rel=0.01)
 
 
 def test_a_drift_levels_off_when_it_does_not_when_the_grid_has_it(recording: Recording) -> None:
