@@ -13,7 +13,6 @@ from analysis.closeloop.identification.balance.model import (
     estimate_of,
     evaluate,
     unfitted,
-    with_independent,
 )
 from analysis.closeloop.identification.balance.regression import (
     ROUNDING,
@@ -388,20 +387,3 @@ def _swung(model: Model, current: Score, rows: Rows, candidate: Candidate) -> tu
             break
         model, current = found
     return model, current
-
-
-def with_law(
-    rest: Model, candidate: Candidate, theta: Theta, rows: Rows, joint: RecordedJoint
-) -> Model | None:
-    """Return a model with one law more; None if it adds nothing to what is there."""
-    columns = candidate.effect.columns(joint, theta)
-    term = Term(
-        effect=candidate.effect,
-        joint=candidate.joint,
-        columns=columns,
-        lower=lowest(rest, candidate),
-        theta=theta,
-        candidate=candidate,
-    )
-    model = with_independent(rest, term, rows)
-    return None if model is rest else model

@@ -9,9 +9,12 @@ from analysis.closeloop.identification.balance.model import (
     impedances,
     link_changes,
     unfitted,
+    with_independent,
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, takes_all
 from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term, kept_columns
+from sim.effects.effect import Theta
+from sim.effects.motion import RecordedJoint
 
 #: An effect whose torque the declared unknowns imitate to this share cannot be named.
 MIN_UNIQUE = 0.02
@@ -126,3 +129,20 @@ def drives(model: Model, scored: Score, candidate: Candidate) -> bool:
     power = torque * velocity
     given, taken = float(-power[power < 0].sum()), float(power[power > 0].sum())
     return given > MAX_GIVEN * taken
+
+
+def with_law(
+    rest: Model, candidate: Candidate, theta: Theta, rows: Rows, joint: RecordedJoint
+) -> Model | None:
+    """Return a model with one law more; None if it adds nothing to what is there."""
+    columns = candidate.effect.columns(joint, theta)
+    term = Term(
+        effect=candidate.effect,
+        joint=candidate.joint,
+        columns=columns,
+        lower=lowest(rest, candidate),
+        theta=theta,
+        candidate=candidate,
+    )
+    model = with_independent(rest, term, rows)
+    return None if model is rest else model

@@ -20,7 +20,7 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.balance.terms import Candidate, Term
-from analysis.closeloop.identification.candidates import with_law
+from analysis.closeloop.identification.nameable import with_law
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.drive import AnyGain

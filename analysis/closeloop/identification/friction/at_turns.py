@@ -37,12 +37,11 @@ from analysis.closeloop.identification.balance.regression import (
     score,
 )
 from analysis.closeloop.identification.balance.terms import Candidate, Term
-from analysis.closeloop.identification.candidates import with_law
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.friction.settling import BEGUN, POWERS, settled
 from analysis.closeloop.identification.friction.settling import SPEEDS as LOST
 from analysis.closeloop.identification.holding import with_missed
-from analysis.closeloop.identification.nameable import beyond_physics
+from analysis.closeloop.identification.nameable import beyond_physics, with_law
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Theta
 from sim.effects.laws.friction import GAUSSIAN, slowness

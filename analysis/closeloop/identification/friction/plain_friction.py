@@ -21,7 +21,8 @@ from analysis.closeloop.identification.balance.luck import (
 from analysis.closeloop.identification.balance.model import Model, evaluate, one_joint, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.balance.terms import Candidate
-from analysis.closeloop.identification.candidates import tried_alone, with_law
+from analysis.closeloop.identification.candidates import tried_alone
+from analysis.closeloop.identification.nameable import with_law
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Effect, Theta

@@ -29,9 +29,9 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
 from analysis.closeloop.identification.balance.terms import Candidate, kept_columns
-from analysis.closeloop.identification.candidates import has_ground, with_law
+from analysis.closeloop.identification.candidates import has_ground
 from analysis.closeloop.identification.findings import Grown, Option, Step
-from analysis.closeloop.identification.nameable import beyond_physics
+from analysis.closeloop.identification.nameable import beyond_physics, with_law
 from analysis.closeloop.identification.presliding import TURNS, winding_freely
 from analysis.closeloop.session.signals import rms
 from sim.effects.catalogue import EFFECTS

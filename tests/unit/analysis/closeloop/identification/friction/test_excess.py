@@ -8,9 +8,9 @@ import pytest
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.terms import Candidate
-from analysis.closeloop.identification.candidates import with_law
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.friction.excess import with_settled_excess
+from analysis.closeloop.identification.nameable import with_law
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.rich import ELBOW, rich_elbow
