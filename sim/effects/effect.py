@@ -133,7 +133,7 @@ class Effect(ABC):
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         """Return the physical parameters that are no coefficients."""
-        own = self.parameters.keys() - set(self.coefficients)
+        own = (self.parameters.keys() & theta.keys()) - set(self.coefficients)
         half = joint.travel[1] if any(p.over_travel for p in self.nonlinear) else 1.0
         return {
             p.name: theta[p.name] * (half if p.over_travel else 1.0)

@@ -225,9 +225,8 @@ class ActuatorLag(Late):
     nonlinear = (Nonlinear("time_constant", LAGS, scaling=0.25, step=SECONDS),)
 
     def through(self, recording: Recording, column: np.ndarray, theta: Theta) -> np.ndarray:
-        # Above the fit's band a slope of the torque, a third derivative, is noise alone.
-        slope = recording.derivative(column)
-        return column + theta["time_constant"] * slope
+        # Low-passed with the column by the fit, and not before: twice, a longer lag made up for it.
+        return column + theta["time_constant"] * recording.derivative(column)
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
         add_filter(spec, joint, parameters["time_constant"])

@@ -11,7 +11,7 @@ import numpy as np
 from sim.effects.effect import Columns, Effect, Limits, Theta
 from sim.effects.hanging import hanging
 from sim.effects.motion import RecordedJoint, Spring
-from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, Values, named
+from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, named
 
 #: Factor by which a compliance and that of its resonance may differ: set, as the last of these,
 #: while looking at sessions of the unkind bench with seeds below 400. A gap may by no more.
@@ -40,8 +40,9 @@ class SeriesElasticity(LooseLink):
 
     The motor's own inertia and damping lie before the spring (Spong 1987); before one between a
     device and a limb, as that of cuffs on soft tissue, so do the device's links: which share of the
-    inertia is behind it is fitted. Behind it the link with
-    M, D, K and the slope of gravity g' follows M d'' + (D + e) d' + (K + g' + k) d = u, where u is
+    inertia is behind it is fitted. A swing that is damped by more than 1 is none: such a spring did
+    what friction that winds up does (while looking at an opponent's). Behind it the link with M, D,
+    K and the slope of gravity g' follows M d'' + (D + e) d' + (K + g' + k) d = u, where u is
     the torque that the link would need without a spring of k and e, and M, D and g' are those of
     where the arm is and how it moves; the balance changes by -(M d'' + D d' + (K + g') d). The
     column is that over the compliance 1 / k, which goes with the frequency at which the link swings
@@ -83,9 +84,6 @@ class SeriesElasticity(LooseLink):
             {name: value for name, value in theta.items() if limb or name != BEHIND}
             for theta in super().thetas(joint)
         ]
-
-    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        return {name: theta[name] for name in self.parameters.keys() & theta.keys()}
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         others = {n: spring for n, spring in joint.estimate.springs.items() if n != joint.number}

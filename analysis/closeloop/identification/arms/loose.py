@@ -20,8 +20,7 @@ from analysis.closeloop.identification.candidates import (
 )
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.selection import choose, matters
-from analysis.closeloop.identification.springs import left_by, nearest
-from sim.effects.catalogue import BY_NAME
+from analysis.closeloop.identification.springs import ELASTIC, left_by, nearest
 from sim.effects.effect import Theta
 from sim.effects.laws.loose_link import (
     RESONANCES,
@@ -30,7 +29,6 @@ from sim.effects.laws.loose_link import (
 )
 from sim.effects.motion import RecordedJoint
 
-ELASTIC = BY_NAME["series_elasticity"]
 #: Where two links swing against each other each moves the other's frequency by about half of this,
 #: the cosine between them in the mass matrix: below, springs are found one by one.
 COUPLED = 0.2
