@@ -22,16 +22,24 @@ from sim.effects.parameter import RELATIVE, SECONDS, Nonlinear, Parameter, Value
 #: No reflex is faster, s: the short-latency response of an arm's muscles begins 20 to 50 ms after a
 #: stretch (Pruszynski and Scott 2012), in the biceps 20 to 25 ms, and torque later still.
 LATENCY = 0.02
+#: Stages of a muscle's low-pass, one after the other.
+ORDER = 2
 #: Beyond any angle: the reflex has no threshold angle.
 NO_ANGLE = -100.0
 
 
 class StretchReflex(AppliedEffect):
-    """Torque against a stretch beyond a speed or an angle, some time after it."""
+    """Torque against a stretch beyond a speed or an angle, some time after it.
+
+    The muscle passes its excitation on as a low-pass of second order does, here one that is
+    critically damped (Kearney, Stein and Parameswaran 1997, Identification of intrinsic and reflex
+    contributions to human ankle stiffness dynamics). Its time constant is 0 where the torque
+    follows the stretch as it is.
+    """
 
     limb = True
     name = "stretch_reflex"
-    complexity = 4
+    complexity = 5
     signature = "the residual resists one direction only, beyond a speed or an angle, a little late"
     separating_trial = "stretch the joint through the same range at four speeds, and record the EMG"
     owner = "human"
@@ -49,6 +57,9 @@ class StretchReflex(AppliedEffect):
             in_joint_frame=True,
         ),
         delay=Parameter("s", "time from stretch to torque", 0.0, 0.1, floor=0.0, ceiling=0.5),
+        activation_time=Parameter(
+            "s", "of the muscle's low-pass", 0.0, 0.1, floor=0.0, ceiling=0.5
+        ),
         side=SIDE,
     )
     coefficients = ("gain",)
@@ -57,6 +68,7 @@ class StretchReflex(AppliedEffect):
         Nonlinear("delay", shift=0.015, step=SECONDS),
         Nonlinear("speed", shift=0.1, step=RELATIVE),
         Nonlinear("angle", shift=0.15, step=RELATIVE),
+        Nonlinear("activation_time", scaling=0.4, step=SECONDS, usual=0.0),
     )
     directed = True
 
@@ -70,19 +82,26 @@ class StretchReflex(AppliedEffect):
         return choose(side * (motion.position - onset) > 0, drive, 0.0)
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
-        grid: list[Theta] = []
-        for side in (-1.0, 1.0):
-            for delay in (LATENCY, 0.035, 0.06, 0.1):
-                for speed in (0.0, 0.15, 0.35, 0.6):
-                    grid.append({"side": side, "delay": delay, "speed": speed, "angle": -2.0})
-                for angle in (-0.5, -0.2, 0.1, 0.4, 0.7):
-                    grid.append({"side": side, "delay": delay, "speed": 0.0, "angle": angle})
-        return grid
+        thresholds = [{"speed": speed, "angle": -2.0} for speed in (0.0, 0.15, 0.35, 0.6)]
+        thresholds += [{"speed": 0.0, "angle": angle} for angle in (-0.5, -0.2, 0.1, 0.4, 0.7)]
+        courses = [{"delay": d, "activation_time": 0.0} for d in (LATENCY, 0.035, 0.06, 0.1)]
+        courses += [
+            {"delay": delay, "activation_time": time}
+            for delay in (0.035, 0.05, 0.065)
+            for time in (0.03, 0.05, 0.08)
+        ]
+        return [
+            {"side": side, **course, **threshold}
+            for side in (-1.0, 1.0)
+            for course in courses
+            for threshold in thresholds
+        ]
 
     def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
         every = super().neighbours(theta, scale)
-        delays = [{**near, "delay": max(LATENCY, near["delay"])} for near in every[:2]]
-        return delays + (every[4:] if theta["angle"] > -1.0 else every[2:4])
+        near: list[Theta] = [{**one, "delay": max(LATENCY, one["delay"])} for one in every[:2]]
+        near += every[4:6] if theta["angle"] > -1.0 else every[2:4]
+        return near + (every[6:] if theta["activation_time"] else [])
 
     def limits(self, joint: RecordedJoint) -> Limits:
         limits = super().limits(joint)
@@ -92,6 +111,7 @@ class StretchReflex(AppliedEffect):
         middle, half = joint.travel
         found = {
             "delay": theta["delay"],
+            "activation_time": theta["activation_time"],
             "side": theta["side"],
             "threshold_velocity": theta["speed"] * joint.top_speed,
         }
@@ -103,18 +123,25 @@ class StretchReflex(AppliedEffect):
         drive = np.asarray(self.drive(self.fixed(joint, theta), joint))
         if theta["delay"]:
             drive = joint.recording.shifted(drive, -theta["delay"])
+        for _ in range(ORDER if theta["activation_time"] else 0):
+            drive = joint.recording.lagged(drive, theta["activation_time"])
         return {joint.number: (theta["side"] * drive)[:, None]}
 
     def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
         steps = max(1, round(parameters["delay"] / step))
         past = deque([0.0] * steps, maxlen=steps)
         strength = sign_of(parameters["side"]) * parameters["gain"]
+        time = parameters.get("activation_time", 0.0)
+        kept = np.exp(-step / time) if time else 0.0
+        stages = [0.0] * ORDER
 
         def torque(motion: Motion) -> float:
             drive = float(self.drive(parameters, motion))
-            late = past[0] if parameters["delay"] else drive
+            passed = past[0] if parameters["delay"] else drive
             past.append(drive)
-            return strength * late
+            for number, before in enumerate(stages):
+                passed = stages[number] = kept * before + (1.0 - kept) * passed
+            return strength * passed
 
         return torque
 

@@ -46,9 +46,12 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
         {"resonance": 5.0, "damping_ratio": 0.2, "inertia_behind": 1.0},
         (0.0225,),
     ),
-    "backlash": ({"crossed": 0.1}, (1.2,)),
+    "backlash": ({"crossed": 0.1, "inertia_behind": 1.0}, (1.2,)),
     "hysteresis": ({"distance": 0.25, "exponent": 1.0}, (1.2,)),
-    "stretch_reflex": ({"side": 1.0, "delay": 0.06, "speed": 0.15, "angle": -2.0}, (1.5,)),
+    "stretch_reflex": (
+        {"side": 1.0, "delay": 0.06, "activation_time": 0.0, "speed": 0.15, "angle": -2.0},
+        (1.5,),
+    ),
     "thixotropy": (
         {"elastic_range": 0.08, "exponent": 0.0, "recovery": 0.4, "distance": 0.4},
         (1.5, 0.3),

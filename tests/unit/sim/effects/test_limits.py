@@ -31,7 +31,12 @@ NONSENSE: list[tuple[str, dict[str, float], tuple[float, ...], str]] = [
     ("load_dependent_friction", {"smooth": 0.02, "load": 0}, (0.1, 0.8), "load_share"),
     ("backlash", {"crossed": 0.8}, (1.5,), "gap"),
     # Faster than the monosynaptic arc.
-    ("stretch_reflex", {"side": 1.0, "delay": 0.0, "speed": 0.1, "angle": -2.0}, (1.5,), "delay"),
+    (
+        "stretch_reflex",
+        {"side": 1.0, "delay": 0.0, "activation_time": 0.0, "speed": 0.1, "angle": -2.0},
+        (1.5,),
+        "delay",
+    ),
     ("hysteresis", {"distance": 0.008, "exponent": 1.0}, (0.5,), "distance"),
 ]
 
