@@ -32,7 +32,7 @@ from analysis.closeloop.identification.nameable import (
     one_way,
     refusal,
 )
-from analysis.closeloop.identification.springs import left_by, nearest
+from analysis.closeloop.identification.springs import ELASTIC, left_by, nearest, of_limb
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import EFFECTS, OF_ROBOTS
 from sim.effects.effect import Theta
@@ -112,11 +112,15 @@ def has_ground(candidate: Candidate, present: set[tuple[str, int]]) -> bool:
 
 
 def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option]:
-    """Refine the foremost options, so that none loses by the grain of its grid."""
+    """Refine the foremost options, so that none loses by the grain of its grid.
+
+    And the one that fits best, of which one fold may have taken another point of its grid.
+    """
     sharp = []
+    closest = min((option.score.sse for option in options), default=0.0)
     for place, option in enumerate(options):
         close = place < CONTENDERS and option.gain > 0.5 * options[0].gain
-        if close or option.candidate.effect.has_to_agree:
+        if close or option.candidate.effect.has_to_agree or option.score.sse == closest:
             model, scored = refined(option, rows)
             gain, error = compare(current.losses, scored.losses)
             if gain > option.gain:
@@ -184,6 +188,8 @@ def _try(
         thetas = [*thetas, *({**theta, **simpler} for theta in thetas)]
         thetas = [dict(once) for once in dict.fromkeys(tuple(t.items()) for t in thetas)]
     found = best_of(model, rows, candidate, thetas, joint, left_out)
+    if found is None and effect is ELASTIC and candidate.joint in model.recording.limbs:
+        found = best_of(model, rows, candidate, of_limb(model, rows, joint), joint)
     if found is None:
         return None
     if beyond_physics(*found, candidate):
@@ -201,7 +207,8 @@ def _try(
         z=gain / error,
         refused=refusal(model, rows, candidate, scored, current),
     )
-    rubs = effect.rubs and not corrects(model, candidate)
+    # What winds up gives back no more than it has stored.
+    rubs = effect.rubs and not effect.winds and not corrects(model, candidate)
     driven = rubs and drives(tried, scored, candidate)
     if not driven and not beyond_physics(tried, scored, candidate):
         return option
@@ -338,7 +345,7 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
                 (model, current), theta = found, near
         if number >= COARSE and current.sse > (1.0 - SETTLED) * begun:
             break
-    if own is not None and BEHIND in theta:
+    if own is not None and candidate.effect is ELASTIC and BEHIND in theta:
         model, current = _swung(model, current, rows, candidate)
     if candidate.effect.channel:
         model = _between(model, rows, candidate, theta, scale)

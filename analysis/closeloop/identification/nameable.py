@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.closeloop.identification.balance.luck import LARGE_GAIN
 from analysis.closeloop.identification.balance.model import (
     Model,
     impedances,
@@ -35,6 +36,10 @@ def refusal(model: Model, rows: Rows, candidate: Candidate, scored: Score, curre
     if not rows.grouped and one_way(rows, candidate.joint):
         return ONE_WAY
     if takes_all(current.losses, scored.losses):
+        return ""
+    large = scored.loss < (1.0 - LARGE_GAIN) * current.loss
+    if candidate.effect.has_to_agree and model.effects and large:
+        # Of a size that its form foretells. (A first one is said to be not identifiable.)
         return ""
     base, _ = model.base(rows)
     width = scored.variant.columns.shape[1] if scored.variant.columns.size else 0

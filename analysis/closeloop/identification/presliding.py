@@ -7,6 +7,7 @@ is largest, looks like a late motor or a little inertia.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,11 +22,14 @@ from analysis.closeloop.identification.balance.terms import Candidate, Term, kep
 from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import PRESLIDING_SHARE
 
+HYSTERESIS = BY_NAME["hysteresis"]
 #: How far friction is moved and widened in time, s.
 SHIFT = 0.01
 #: Ways over which friction may wind up, over the longest that is presliding: octaves, since a way
 #: between two of them is a sum of both to within 3 % of the friction.
 WAYS = (0.125, 0.25, 0.5, 1.0)
+#: Ways over which a resistance may slip, over half the travel: octaves, for the same reason.
+SLIPS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
 #: Parameters of how friction turns, and their value where it turns at once.
 TURNS, AT_ONCE = frozenset({"smooth"}), 1e-6
 #: Standard errors that an effect has to gain beside friction that is free to do so.
@@ -57,6 +61,36 @@ def only_presliding(
     free = _free_presliding(model, joint, model.terms)
     return (
         free is not None and not effect.at_reversals and _nothing_beside(free, beside, model, rows)
+    )
+
+
+def only_slips(candidate: Candidate, beside: Model, model: Model, rows: Rows) -> bool:
+    """Whether resistance that winds up over many ways predicts as well as one that rest builds.
+
+    A sum of springs that each slip (Iwan 1966, A distributed-element model for hysteresis) is all
+    that hysteresis of any form can be without a clock; a law of one way and one exponent is not,
+    and what it left of such sums was called thixotropy (an opponent's). Arguments are those of
+    `only_presliding`.
+    """
+    if HYSTERESIS.name not in candidate.effect.includes:
+        return False
+    slips = _slipping(model, candidate.joint)
+    rest = beside.without(candidate)
+    losses = evaluate(with_independent(rest, slips, rows), rows).losses
+    gain, error = compare(losses, evaluate(beside, rows).losses)
+    return gain <= error
+
+
+def _slipping(model: Model, joint: int) -> Term:
+    """Return a term of springs that each slip, over ways of any size."""
+    recorded = unfitted(model.recording, joint)
+    columns = np.column_stack([recorded.wound(share * recorded.travel[1], 0.0) for share in SLIPS])
+    return Term(
+        joint=joint,
+        columns={joint: columns},
+        lower=(0.0,),
+        kept=tuple(range(columns.shape[1])),
+        effect=HYSTERESIS,
     )
 
 
@@ -103,9 +137,11 @@ def _wound(free: Term, beside: Model, model: Model, rows: Rows) -> bool:
 
 
 def free_turning(model: Model, joint: int) -> list[Term]:
-    """Return terms that let a joint's friction turn in any way: in time, and wound up."""
+    """Return terms that let a joint's friction turn in any way: in time, wound up, and slipping."""
     terms = model.terms
-    free = _free_presliding(model, joint, terms), free_winding(model, joint, terms)
+    free = [_free_presliding(model, joint, terms), free_winding(model, joint, terms)]
+    if any(term.joint == joint and term.effect is HYSTERESIS for term in terms):
+        free.append(_slipping(model, joint))
     return [term for term in free if term is not None]
 
 
@@ -126,11 +162,19 @@ def with_free_presliding(model: Model, joints: Iterable[int]) -> Model:
 def winding_freely(model: Model, joint: int, rows: Rows) -> Model:
     """Return the model with a joint's friction, declared or found, free to wind up; or as it is.
 
-    What winds up by its own law does so already.
+    Hysteresis is free to slip over ways of any size, of the same torque once it slides.
     """
     sliding = tuple(t for t in model.terms if t.effect is not None and not t.effect.winds)
-    free = free_winding(model, joint, sliding)
-    return model if free is None else with_independent(model, free, rows)
+    free = [free_winding(model, joint, sliding)]
+    for term in model.terms:
+        if term.joint == joint and term.effect is HYSTERESIS:
+            slips = _slipping(model, joint)
+            spread = slips.columns[joint] - term.columns[joint]
+            free.append(replace(slips, columns={joint: spread}, effect=None))
+    for more in free:
+        if more is not None:
+            model = with_independent(model, more, rows)
+    return model
 
 
 def _free_presliding(model: Model, joint: int, terms: tuple[Term, ...]) -> Term | None:

@@ -19,7 +19,7 @@ from analysis.closeloop.identification.balance.regression import (
 )
 from analysis.closeloop.identification.findings import Option, Step
 from analysis.closeloop.identification.forms import only_form
-from analysis.closeloop.identification.presliding import free_turning, only_presliding
+from analysis.closeloop.identification.presliding import free_turning, only_presliding, only_slips
 from sim.effects.catalogue import BY_NAME
 
 #: Candidates whose gain differs by less than this share of the best count as equal.
@@ -46,6 +46,7 @@ def choose(
     """
     worth = [o for o in options if _worth(o, model, current, rows, least)]
     worth = [o for o in worth if not only_presliding(o.candidate, o.model, model, rows, least)]
+    worth = [o for o in worth if not only_slips(o.candidate, o.model, model, rows)]
     worth = [
         o
         for o in worth

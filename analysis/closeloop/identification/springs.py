@@ -5,11 +5,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.optimize import least_squares
 
-from analysis.closeloop.identification.balance.model import Model
+from analysis.closeloop.identification.balance.luck import MIN_GAIN
+from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Theta
-from sim.effects.laws.loose_link import AGREES, springs_together
+from sim.effects.laws.loose_link import AGREES, BEHIND, RESONANCES, springs_together
 from sim.effects.motion import RecordedJoint
 
 ELASTIC = BY_NAME["series_elasticity"]
@@ -20,6 +21,8 @@ STEPS, SETTLED, STEP = 15, 1e-3, 0.01
 TOLD = 1e-6
 #: How far a parameter may go, as a factor, and the least damping ratio that it begins from.
 FURTHEST, LEAST_DAMPING = 8.0, 0.005
+#: Damping ratio, and shares of the inertia, with which a search of a limb's spring begins.
+BEGIN_DAMPING, BEGIN_BEHIND = 0.05, (1.0, 0.3)
 
 
 def left_by(
@@ -86,3 +89,28 @@ def nearest(
         max_nfev=STEPS,
     )
     return at(found.x)
+
+
+def of_limb(rest: Model, rows: Rows, joint: RecordedJoint) -> list[Theta]:
+    """Return where a search for a limb's spring ends from the best points of a grid; or nothing.
+
+    A link that swings with little damping is soon out of step on a spring that is an eighth too
+    stiff: then no point of a grid has the size that its resonance says. (An opponent's.)
+
+    Args:
+        rest: a model that has none.
+        rows: the samples that are fitted.
+        joint: the limb's, with the estimate that the spring carries.
+    """
+    left, number = left_by(rest, rows, joint, agrees=1.0), joint.number
+    least = (1.0 - MIN_GAIN) * evaluate(rest, rows).sse
+    ends = []
+    for behind in BEGIN_BEHIND:
+        grid = [
+            {number: {"resonance": hertz, "damping_ratio": BEGIN_DAMPING, BEHIND: behind}}
+            for hertz in RESONANCES
+        ]
+        begin = min(grid, key=lambda thetas: float(np.sum(left(thetas) ** 2)))
+        if float(np.sum(left(begin) ** 2)) < least:
+            ends.append(nearest(left, begin)[number])
+    return ends

@@ -20,7 +20,7 @@ from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from analysis.closeloop.identification.balance.sticking import sliding
+from analysis.closeloop.identification.balance.sticking import sliding_anyway
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Grown, Option, Step, Trace
 from analysis.closeloop.identification.friction.at_turns import with_peak_at_turns
@@ -100,8 +100,7 @@ def _sliding(declared: Model, rows: Rows) -> Rows:
     model = declared
     for joint in rows.joints:
         model = rubbing_anyway(model, joint)
-    residual = model.target(rows) - model.base(rows)[0] @ evaluate(model, rows).coefficients
-    return sliding(model, rows, residual / rows.weight)
+    return sliding_anyway(model, rows)
 
 
 def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trace:

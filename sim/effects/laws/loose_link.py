@@ -25,14 +25,24 @@ RESONANCES = (1.5, 1.9, 2.4, 3.0, 3.7, 4.6, 5.8, 7.2, 9.0, 11.0, 14.0, 18.0, 25.
 #: Share of a swing that samples have to show for them to determine it: it may have faded before
 #: the first of them, or be quicker than the low-pass lets through.
 FADED = 0.1
-#: Non-linear parameter of a limb's spring: the share of the inertia, less the motor's, behind it.
+#: Non-linear parameter of what is loose at a limb: the share of the inertia, less the motor's, that
+#: hangs behind it.
 BEHIND = "inertia_behind"
+SHARE = Parameter("1", "share behind a limb's", neutral=1.0, floor=LEAST_LINK, ceiling=1.0)
 #: Samples of a flight through a gap that are computed at a time.
 FLIGHT = 64
 
 
 class LooseLink(Effect):
     """A link that is not where its motor is, which the motors of the other joints feel, too."""
+
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        limb = joint.number in joint.recording.limbs
+        # What is loose in a robot is its gear: all that it moves hangs behind.
+        return [
+            {name: value for name, value in theta.items() if limb or name != BEHIND}
+            for theta in super().thetas(joint)
+        ]
 
 
 class SeriesElasticity(LooseLink):
@@ -64,9 +74,7 @@ class SeriesElasticity(LooseLink):
         compliance=Parameter("rad/Nm", "1 / k", floor=0.0),
         resonance=Parameter("Hz", "at which the limb swings on it", floor=0.0),
         damping_ratio=Parameter("1", "of that swing by its own damping", floor=0.0, ceiling=1.0),
-        inertia_behind=Parameter(
-            "1", "share behind a limb's", neutral=1.0, floor=LEAST_LINK, ceiling=1.0
-        ),
+        inertia_behind=SHARE,
     )
     coefficients = ("compliance",)
     lower = (0.0,)
@@ -76,14 +84,6 @@ class SeriesElasticity(LooseLink):
         Nonlinear(BEHIND, (1.0,), scaling=0.2, step=RELATIVE),
     )
     uses_estimate = has_to_agree = filters = True
-
-    def thetas(self, joint: RecordedJoint) -> list[Theta]:
-        limb = joint.number in joint.recording.limbs
-        # A robot's spring is its gear's: all that it moves hangs behind.
-        return [
-            {name: value for name, value in theta.items() if limb or name != BEHIND}
-            for theta in super().thetas(joint)
-        ]
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         others = {n: spring for n, spring in joint.estimate.springs.items() if n != joint.number}
@@ -123,7 +123,7 @@ class Backlash(LooseLink):
     signature = "the residual jerks just after the load changes sign, not where the velocity does"
     element = "applied torque"
     separating_trial = "move to and fro where the load changes sign, and again with a preload"
-    parameters = named(gap=Parameter("rad", "whole play", floor=0.0))
+    parameters = named(gap=Parameter("rad", "whole play", floor=0.0), inertia_behind=SHARE)
     lower = (0.0,)
     nonlinear = (
         Nonlinear(
@@ -132,13 +132,17 @@ class Backlash(LooseLink):
             scaling=0.4,
             over_travel=True,
         ),
+        Nonlinear(BEHIND, (1.0,), scaling=0.2, step=RELATIVE),
     )
     uses_estimate = has_to_agree = timed = at_reversals = True
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         recording, number = joint.recording, joint.number
         gap = theta["crossed"] * joint.travel[1]
-        pull = joint.estimate.carried[:, number] / _behind(joint, number)
+        behind = theta.get(BEHIND, 1.0) * _behind(joint, number)
+        before = _behind(joint, number) - behind
+        carried = joint.estimate.carried[:, number] - before * recording.acceleration[:, number]
+        pull = carried / behind
         ahead = np.empty(len(pull))
         for piece in recording.slices:
             ahead[piece] = lies(pull[piece], gap, 1.0 / recording.rate)
@@ -146,12 +150,13 @@ class Backlash(LooseLink):
         rate = recording.derivative(ahead)
         twice = recording.derivative(rate)
         damping = joint.estimate.damping[number] + _drag(joint, number)
-        own = _behind(joint, number) * twice + damping * rate
+        own = behind * twice + damping * rate
         own += _stiffness(joint, number) * ahead
         return {number: own[:, None], **_felt_by_others(joint, ahead, rate, twice)}
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
-        return {"gap": Reading(column=0, scale=theta["crossed"] * joint.travel[1])}
+        gap = Reading(column=0, scale=theta["crossed"] * joint.travel[1])
+        return {**super().readings(joint, theta), "gap": gap}
 
     def beyond(
         self,
@@ -167,7 +172,7 @@ class Backlash(LooseLink):
 
     def limits(self, joint: RecordedJoint) -> Limits:
         # Play of half the travel is no transmission.
-        return {"gap": (0.0, joint.travel[1])}
+        return {**super().limits(joint), "gap": (0.0, joint.travel[1])}
 
 
 def lies(pull: np.ndarray, gap: float, step: float) -> np.ndarray:

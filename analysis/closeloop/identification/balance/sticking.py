@@ -41,15 +41,49 @@ def sliding(model: Model, rows: Rows, residual: np.ndarray) -> Rows:
         rows: the samples to fit.
         residual: what ordinary effects leave of every row, Nm or N, low-passed, (r,).
     """
+    known = known_friction(model, rows, residual)
+    return rows.where(_telling(rows, residual, known))
+
+
+def sliding_anyway(model: Model, rows: Rows) -> Rows:
+    """Return the same rows where a model is all that is known, fitted to those that tell friction.
+
+    Fitted to all, what sticks hides how little is left of the others. (A cuff's spring beside
+    friction: an opponent's.)
+    """
+    known = known_friction(model, rows, left_of(model, rows, rows))
+    return rows.where(_telling(rows, left_of(model, rows, rows.where(known)), known))
+
+
+def left_of(model: Model, rows: Rows, fitted: Rows) -> np.ndarray:
+    """Return what a model leaves of every row, fitted to some of them, Nm or N, (r,)."""
+    coefficients = evaluate(model, fitted).coefficients
+    return np.asarray((model.target(rows) - model.base(rows)[0] @ coefficients) / rows.weight)
+
+
+def _telling(rows: Rows, residual: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return every row of joints of which the others leave little more, and else the known ones."""
     kept = np.ones(len(rows.weight), dtype=bool)
     for joint in rows.joints:
-        left = residual[rows.parts[joint]]
+        part = rows.parts[joint]
+        left, own = residual[part], known[part]
+        if not own.all() and rms(left[~own]) > LEFT * rms(left[own]):
+            kept[part] = own
+    return kept
+
+
+def known_friction(model: Model, rows: Rows, residual: np.ndarray) -> np.ndarray:
+    """Return in which rows what friction may have is less than noise, or in the better half.
+
+    Arguments are those of `sliding`.
+    """
+    known = np.ones(len(rows.weight), dtype=bool)
+    for joint in rows.joints:
+        part = rows.parts[joint]
         own = unknown_friction(model, rows, joint)[rows.samples[joint]]
-        noise = SPREAD * float(np.median(np.abs(left)))
-        known = own <= max(noise, float(np.quantile(own, LEAST_KEPT)))
-        if not known.all() and rms(left[~known]) > LEFT * rms(left[known]):
-            kept[rows.parts[joint]] = known
-    return rows.where(kept)
+        noise = SPREAD * float(np.median(np.abs(residual[part])))
+        known[part] = own <= max(noise, float(np.quantile(own, LEAST_KEPT)))
+    return known
 
 
 def unknown_friction(model: Model, rows: Rows, joint: int) -> np.ndarray:

@@ -33,6 +33,7 @@ from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.growing.freed import freed, held
 from analysis.closeloop.identification.growing.shaken import only_answers, shaken
 from analysis.closeloop.identification.nameable import beyond_physics
+from analysis.closeloop.identification.octaves import differs_elsewhere
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
     carries_more,
@@ -185,7 +186,8 @@ def _answers(
 
     A line has a gain and a phase, which what filters the motion can have both. What passes on the
     effort has one parameter for them: it leaves nearly nothing only if it is the cause, as where a
-    late motor makes its own loop ring.
+    late motor makes its own loop ring. So does a spring of the size that its ringing foretells, if
+    it has that size in other octaves, too.
 
     Args:
         option: beside the model.
@@ -198,7 +200,10 @@ def _answers(
     if joint not in lines:
         return False
     if effect.filters:
-        return not (effect.channel and takes_all(current.losses, option.score.losses))
+        if not takes_all(current.losses, option.score.losses):
+            return True
+        rings = effect.has_to_agree and not differs_elsewhere(option.model, option.candidate, rows)
+        return not (effect.channel or rings)
     after = estimate_of(option.model, option.score.coefficients).residual
     passed = any(parameter.name == "other_dof" for parameter in effect.nonlinear)
     return only_answers(lines[joint], left, after, rows, joint, passed=passed)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification import winding
 from analysis.closeloop.identification.balance.model import Model, evaluate, impedances, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.terms import Candidate, Term
@@ -65,3 +66,18 @@ def test_friction_that_turns_as_its_law_says_is_left_alone(elbow: Recording) -> 
     model, rows = fitted(elbow, np.sign(elbow.velocity[:, ELBOW]))
     score = evaluate(model, rows)
     assert with_winding(model, score, rows) == (model, score, [])
+
+
+@pytest.mark.parametrize(("beyond", "freed"), [(0.3, True), (20.0, False)])
+def test_friction_is_not_freed_where_it_would_be_anything_outside_of_the_fitted_rows(
+    elbow: Recording, monkeypatch: pytest.MonkeyPatch, beyond: float, freed: bool
+) -> None:
+    """Where a joint sticks they lack what winds up: five times as much as before was left there."""
+    outside = np.abs(elbow.since_reversal(ELBOW)) < 0.3
+    column = np.sin(9.0 * elbow.time) * np.where(outside, beyond, 1.0)
+    model, rows = fitted(elbow, np.sign(elbow.velocity[:, ELBOW]) + np.sin(9.0 * elbow.time))
+    free = Term(joint=ELBOW, columns={ELBOW: column[:, None]}, kept=(0,))
+    monkeypatch.setattr(winding, "winding_freely", lambda *_: model.with_term(free))
+    few = rows.where(~outside[rows.samples[ELBOW]])
+    _, _, at = with_winding(model, evaluate(model, few), few)
+    assert at == ([ELBOW] if freed else [])
