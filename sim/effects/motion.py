@@ -29,10 +29,10 @@ class Recording(Protocol):
     the number of each sample's trial, (n,), of which `fit_trials` are fitted, `slices` are pieces
     without a gap, of which filters touch `edge` samples at both ends and miss those that are not
     `usable`, (n,); what somebody pushed is `disturbed`; `joints` are those whose balance is
-    analysed, `limbs` those at which a limb acts. `effort` is low-passed for the fit, `sensed` as it
-    was recorded; both are NaN where a joint has none. `inverse` is the torque that the declared
-    chain needs, `static` what holding still in the same place would take. Below `rest_speed`,
-    (joints,), a joint rests.
+    analysed, `limbs` those with a limb, `calibrated` those whose effort is no share of the torque.
+    `effort` is low-passed for the fit, `sensed` as it was recorded; both are NaN where a joint has
+    none. `inverse` is the torque that the declared chain needs, `static` what holding still in the
+    same place would take. Below `rest_speed`, (joints,), a joint rests.
     """
 
     @property
@@ -76,6 +76,8 @@ class Recording(Protocol):
 
     @property
     def limbs(self) -> tuple[int, ...]: ...
+    @property
+    def calibrated(self) -> tuple[int, ...]: ...
     @property
     def gravity(self) -> np.ndarray: ...
 
@@ -195,10 +197,7 @@ class RecordedJoint:
 
     @cached_property
     def inertias(self) -> dict[int, np.ndarray]:
-        """Torque of every joint for a unit of acceleration of each analysed one, (n, joints).
-
-        With links and loads as they were found.
-        """
+        """Torque of every joint for an acceleration of 1, with links as found, (n, joints)."""
         return self._with_changes(self.recording.inertia)
 
     @cached_property

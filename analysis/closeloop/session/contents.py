@@ -120,6 +120,8 @@ class Session:
     kinematic_cutoff_hz: float | None = None
     #: Root mean square of the noise of channels that the user knows, by `JOINT.effort`.
     noise: Mapping[str, float] = field(default_factory=dict)
+    #: Those of which the user knows that they are the torque itself, not a share of it.
+    calibrated: frozenset[str] = frozenset()
     trials: tuple[Trial, ...] = ()
     #: Keys of `session.json` that mean nothing here.
     unknown: tuple[str, ...] = ()

@@ -266,12 +266,13 @@ def _check_degrees(
         # A device may rightly turn further than a limb does, if its declared range says so.
         beyond = np.abs(position) > max(MAX_HINGE, 1.5 * max(abs(low), abs(high)))
         what = "no limb does" if limb else f"is far beyond its range, {low:g} to {high:g}"
-        unit = "rad"
+        unit, otherwise = "rad", ""
         values = position
     else:
         values = np.gradient(position, trial.time)
         beyond = np.abs(values) > MAX_SPEED
         what, unit = "no robot's joint does", "rad/s"
+        otherwise = "; give a motor that is so fast a `range` in the model"
         # One wrong sample is no unit.
         beyond &= np.mean(beyond) > MAX_SPEED_SHARE
     if not beyond.any():
@@ -279,7 +280,7 @@ def _check_degrees(
     row = int(np.argmax(beyond))
     why = (
         f"reaches {values[row]:g} {unit}, which {what}; "
-        "positions are in radians, and these look like degrees"
+        f"positions are in radians, and these look like degrees{otherwise}"
     )
     raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
 

@@ -36,7 +36,7 @@ _KEYS: Mapping[str, Any] = {
     "declared_effects": {"effect": None, "joint": None},
     "ignored_joints": None,
     "limb_joints": None,
-    "sensors": {ANY: {"noise_rms": None}},
+    "sensors": {ANY: {"noise_rms": None, "calibrated": None}},
     "effort_filter_hz": None,
     "kinematic_cutoff_hz": None,
     "columns": None,
@@ -97,6 +97,7 @@ def read_session(folder: Path, known_effects: Collection[str]) -> Session:
         limb_joints=limbs,
         kinematic_cutoff_hz=_cutoff_hz(fields),
         noise=_noise(fields),
+        calibrated=_calibrated(fields),
         trials=_trials(fields, folder, filter_hz),
         unknown=tuple(
             name.encode(errors="backslashreplace").decode() for name in _unread(content, _KEYS)
@@ -132,7 +133,8 @@ def _unread(content: Any, known: Mapping[str, Any] | None, where: str = "") -> I
 
 def unread_sensors(session: Session, recorded: Collection[str]) -> Session:
     """Return the session, with what it says of channels that no trial records as not read."""
-    none = tuple(f"sensors.{name}" for name in session.noise if name not in recorded)
+    said = dict.fromkeys((*session.noise, *sorted(session.calibrated)))
+    none = tuple(f"sensors.{name}" for name in said if name not in recorded)
     return replace(session, unknown=(*session.unknown, *none))
 
 
@@ -313,17 +315,38 @@ def _cutoff_hz(fields: Fields) -> float | None:
     return fields.number("kinematic_cutoff_hz", low=0.1, high=1000.0)
 
 
-def _noise(fields: Fields) -> dict[str, float]:
-    """Return what the user knows of the noise of effort channels, root mean square."""
+def _sensors(fields: Fields) -> Iterator[tuple[str, Fields]]:
+    """Yield the effort channels of which the user knows something, and what."""
     wanted = 'such as {"elbow.effort": {"noise_rms": 0.05}}'
     sensors = fields.part("sensors", fields.get("sensors", {}), wanted)
-    found = {}
     for channel in sensors.content:
         if not channel.endswith(".effort"):
             raise sensors.wrong(channel, "is no effort channel; name JOINT.effort")
-        own = sensors.part(channel, sensors.get(channel), 'with "noise_rms"')
-        found[channel] = own.number("noise_rms")
-    return found
+        own = sensors.part(channel, sensors.get(channel), 'with "noise_rms" or "calibrated"')
+        if own.get("noise_rms") is None and own.get("calibrated") is None:
+            raise sensors.wrong(channel, 'has neither "noise_rms" nor "calibrated"')
+        yield channel, own
+
+
+def _noise(fields: Fields) -> dict[str, float]:
+    """Return what the user knows of the noise of effort channels, root mean square."""
+    return {
+        channel: own.number("noise_rms")
+        for channel, own in _sensors(fields)
+        if own.get("noise_rms") is not None
+    }
+
+
+def _calibrated(fields: Fields) -> frozenset[str]:
+    """Return the effort channels that are known to be the torque, and no share of it."""
+    known = set()
+    for channel, own in _sensors(fields):
+        value = own.get("calibrated", False)
+        if not isinstance(value, bool):
+            raise own.wrong("calibrated", "must be true or false")
+        if value:
+            known.add(channel)
+    return frozenset(known)
 
 
 def _joint_names(fields: Fields, name: str) -> tuple[str, ...]:

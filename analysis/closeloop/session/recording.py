@@ -33,15 +33,8 @@ from sim.effects.rigid import point_mass
 NONE: Mapping[int, np.ndarray] = {}
 #: What does not depend on which joints are analysed.
 SHARED = (
-    "rigid",
-    "inverse",
-    "static",
-    "top_speed",
-    "rest_speed",
-    "sensed",
-    "_lowpasses",
-    "_thinned",
-    "_tangents",
+    *("rigid", "inverse", "static", "top_speed", "rest_speed", "sensed"),
+    *("_lowpasses", "_thinned", "_tangents"),
 )
 
 Made = TypeVar("Made")
@@ -149,7 +142,6 @@ class Recording:
 
     def secant(self, joint: int, step: float) -> np.ndarray:
         """Change of every torque over `step` of one joint's position, as it moves, (n, joints)."""
-
         here, hinge, one = self.rigid, self.is_hinge(joint), np.eye(self.position.shape[1])[joint]
 
         def torque(way: float) -> np.ndarray:
@@ -166,7 +158,6 @@ class Recording:
 
     def drag(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
         """Change of every torque with a joint's speed, as `slope`."""
-
         one = np.eye(self.velocity.shape[1])[joint]
 
         def at(speed: float) -> np.ndarray:
@@ -195,6 +186,11 @@ class Recording:
         """Joints at which a limb acts: those of the nominal arm, or what the session says."""
         whole, own = self.session.model == NOMINAL, self.session.limb_joints
         return tuple(j for j, name in enumerate(self.device.joints) if whole or name in own)
+
+    @cached_property
+    def calibrated(self) -> tuple[int, ...]:
+        """Joints whose effort is known to be the torque, and no share of it."""
+        return tuple(j for j in self.joints if f"{self.name(j)}.effort" in self.session.calibrated)
 
     def motor_inertia(self, joint: int) -> float:
         """Return the declared inertia of the joint's motor (armature), kg m2 or kg."""
@@ -339,8 +335,9 @@ class Recording:
 
     def smoothed(self, columns: np.ndarray) -> np.ndarray:
         """Pass columns (n, ...) through the low-pass of the positions, piece by piece."""
-        cutoff = self.sampling.cutoff
-        return self._by_piece(columns, lambda piece: lowpass(piece, cutoff, self.rate))
+        return self._by_piece(
+            columns, lambda piece: lowpass(piece, self.sampling.cutoff, self.rate)
+        )
 
     def shifted(self, columns: np.ndarray, seconds: float) -> np.ndarray:
         """Return columns(t + seconds), (n, ...), piece by piece."""

@@ -118,6 +118,9 @@ class TorqueGain(Effect):
     coefficients = ("gain",)
     scales_effort = filters = uses_estimate = True
 
+    def applies(self, recording: Recording, joint: int) -> bool:
+        return super().applies(recording, joint) and joint not in recording.calibrated
+
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         # All that is declared, and what the joint carries beside it as other joints tell. What it
         # takes alone is fitted in units of the reported torque.

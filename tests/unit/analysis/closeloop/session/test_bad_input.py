@@ -42,7 +42,7 @@ def test_the_sound_session_is_read_and_what_nobody_reads_is_told(folder: Path) -
         declared_effects=[{"effect": "coulomb_friction", "joint": "elbow", "torque": 5.0}],
         sensors={
             "elbow.effort": {"noise_rms": 0.05, "rms": 0.05},
-            "wrist.effort": {"noise_rms": 0.05},
+            "wrist.effort": {"calibrated": True},
         },
         trials=[{"file": "a.csv", "groupe": "slow", "added_mass": hanging}],
     )(folder)
