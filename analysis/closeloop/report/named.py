@@ -234,17 +234,29 @@ def refused_values(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def undetermined(entries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a warning for every found effect of which no parameter is surely other than zero."""
+    """Return a warning for every found effect of which no size is surely other than zero."""
     return [
-        f"{entry['name']} of {where(entry)}: the 90 % interval of each of its parameters holds "
+        f"{entry['name']} of {where(entry)}: the 90 % interval of {_listed(sizes)} holds "
         "zero; it lowers the error, but these trials do not show how large it is"
         for entry in entries
-        if entry["parameters"]
+        if (sizes := _sizes(entry))
         and all(
             parameter["ci90"] is None or parameter["ci90"][0] <= 0.0 <= parameter["ci90"][1]
-            for parameter in entry["parameters"].values()
+            for parameter in sizes.values()
         )
     ]
+
+
+def _sizes(entry: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the parameters that an effect is nothing without; all of what has none of its own."""
+    every: Mapping[str, Any] = entry["parameters"]
+    known = BY_NAME[entry["name"]].coefficients if entry["name"] in BY_NAME else ()
+    return {name: every[name] for name in known if name in every} or every
+
+
+def _listed(sizes: Mapping[str, Any]) -> str:
+    """Return which parameters, as a sentence names them."""
+    return f"each of {', '.join(sizes)}" if len(sizes) > 1 else next(iter(sizes))
 
 
 def supposed(entries: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -260,9 +272,9 @@ def supposed(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _neutral(effect: str, parameter: str) -> float | None:
-    """Return what a parameter is where nothing tells it; those of single links are not known."""
+    """Return what a parameter is where nothing tells it; None for a choice, and of single links."""
     known = BY_NAME[effect].parameters.get(parameter) if effect in BY_NAME else None
-    return None if known is None else known.neutral
+    return None if known is None or known.choice else known.neutral
 
 
 def of_gravity(recording: Recording, entries: Sequence[Mapping[str, Any]]) -> list[str]:

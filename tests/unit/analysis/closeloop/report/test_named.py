@@ -246,7 +246,7 @@ def test_a_torque_that_may_be_larger_than_all_that_was_recorded_has_no_value() -
 def test_an_effect_of_which_nothing_is_surely_other_than_zero_is_told(
     cosine: list[float] | None, warned: bool
 ) -> None:
-    parameters = {"cosine": {"ci90": cosine}, "order": {"ci90": [-24.0, 37.0]}}
+    parameters = {"cosine": {"ci90": cosine}, "order": {"ci90": [198.0, 647.0]}}
     found = {"name": "torque_ripple", "joint": "elbow", "parameters": parameters}
     said = undetermined([found])
     assert bool(said) is warned
@@ -266,7 +266,10 @@ def test_a_power_that_is_supposed_is_said_to_be(value: float, half: float, warne
         "parameters": {"torque": torque, "stribeck_exponent": power},
     }
     links = {"name": "link_inertia", "joint": "base", "parameters": {"arm.mass": torque}}
-    said = supposed([entry, links])
+    # A side is a choice: there is no other value that is usual.
+    side = {"value": 1.0, "ci90": [1.0, 1.0], "unit": "1"}
+    reflex = {"name": "stretch_reflex", "joint": "elbow", "parameters": {"side": side}}
+    said = supposed([entry, links, reflex])
     assert len(said) == warned
     assert all("of elbow: stribeck_exponent is 2, as usual" in line for line in said)
 
