@@ -25,6 +25,10 @@ from sim.effects.motion import RecordedJoint
 
 #: Largest torque that an effect which nobody saw is credited with, over the joint's effort.
 MOST = 0.2
+#: Root mean square of a column below which only rounding is left of it.
+NOTHING = 1e-9
+#: Least share of a column's power that the model may leave of it to show how large it is.
+LEAST_OWN = 1e-8
 #: Variants of an effect's non-linear parameters that are tried.
 VARIANTS = 7
 
@@ -108,12 +112,18 @@ def _reach(
     place, value = stiffness
     width = next(iter(columns.values())).shape[1]
     stacked = rows.stack(model.transformed(columns), width)
-    table, kept = keep_independent(base, stacked)
+    # Of what nearly all is imitated the rest may still show how large it is: but for a gain, and
+    # beside what was found, whose law is never quite its own.
+    untold = effect.scales_effort or model.effects
+    least_own = Effect.least_own if untold else LEAST_OWN
+    table, kept = keep_independent(base, stacked, least_own)
     table = np.column_stack([base, table])
     # What a fit without a column makes of the most that it may be.
     joint = next(iter(columns))
     torque = MOST * float(np.sqrt(rows.effort_power(joint)))
-    size = np.maximum(np.sqrt((stacked**2).sum(axis=0)), 1e-300)
+    size = np.sqrt((stacked**2).sum(axis=0))
+    # Rounding is no torque: what a zero does to a device that no gravity pulls.
+    size = np.where(size > NOTHING * np.sqrt(len(stacked)), size, np.inf)
     most = torque / size * np.abs(np.linalg.lstsq(base, stacked, rcond=None)[0][place])
     dropped = [number for number in range(width) if number not in kept]
     least = float(max(most[dropped], default=0.0))

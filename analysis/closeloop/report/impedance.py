@@ -100,7 +100,7 @@ def impedance_entries(found: Trace) -> dict[str, Any]:
 def identified_entries(outcome: Outcome, impedance: Mapping[str, Any]) -> dict[str, Any]:
     """Return whether each joint's stiffness is identified, and what could move it how far.
 
-    It is not where names that explain the trials alike move it apart.
+    It is not where names that explain the trials alike move it apart, or where it may be none.
 
     Args:
         outcome: of the session.
@@ -112,7 +112,9 @@ def identified_entries(outcome: Outcome, impedance: Mapping[str, Any]) -> dict[s
     for joint, hidden in outcome.hidden.items():
         name, stiffness = recording.name(joint), abs(values[joint]["stiffness"])
         entries[name] = {
-            "stiffness": outcome.identified(joint) and not _apart(impedance[name], TELLING),
+            "stiffness": outcome.identified(joint)
+            and not _apart(impedance[name], TELLING)
+            and not _may_be_none(impedance[name]),
             "unit": f"{recording.device.unit(name)}/{recording.device.angle_unit(name)}",
             "could_move": [
                 {
@@ -125,6 +127,12 @@ def identified_entries(outcome: Outcome, impedance: Mapping[str, Any]) -> dict[s
             ],
         }
     return entries
+
+
+def _may_be_none(impedance: Mapping[str, Any]) -> bool:
+    """Whether the interval of a joint's stiffness holds zero."""
+    low, high = impedance["stiffness"]["ci90_after"]
+    return bool(low <= 0.0 <= high)
 
 
 def not_identified(entries: Mapping[str, Any]) -> list[str]:

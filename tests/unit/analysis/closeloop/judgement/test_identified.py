@@ -3,24 +3,50 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from analysis.closeloop.identification.balance.declared import declared_model
-from analysis.closeloop.identification.balance.model import evaluate
-from analysis.closeloop.identification.balance.regression import select_rows
-from analysis.closeloop.judgement.identified import hidden_effects
+from analysis.closeloop.identification.balance.model import Model, evaluate
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.judgement.identified import _reach, hidden_effects
 from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.rich import ELBOW
 
 
-def test_a_rung_moves_no_stiffness_where_the_rung_below_is_not_there(recording: Recording) -> None:
+def limb_of(recording: Recording) -> tuple[Model, Rows]:
+    """Return a limb of 5 Nm/rad as it is declared, and its rows."""
     declared = (DeclaredEffect(effect="viscoelastic_joint", joint="elbow"),)
     session = replace(recording.session, declared=declared)
     noise = 0.1 * np.random.default_rng(2).standard_normal(recording.position.shape)
     effort = recording.filtered(recording.inverse + 5.0 * recording.position + noise)
     limb = replace(recording, session=session, joints=(ELBOW,), effort=effort, cache={})
     rows = select_rows(limb, (0,))
-    model = declared_model(limb, rows)
+    return declared_model(limb, rows), rows
+
+
+@pytest.mark.parametrize(
+    ("torque", "imitated", "least", "most"),
+    [(1e-16, 1.0, 0.0, 0.0), (1.0, 1.0, 0.5, 5.0), (1.0, 0.9999, 0.1, 2.5)],
+    ids=["rounding", "stiffness itself", "nearly stiffness"],
+)
+def test_what_a_column_shows_of_itself_says_how_far_it_could_move_a_stiffness(
+    recording: Recording, torque: float, imitated: float, least: float, most: float
+) -> None:
+    """A zero moves nothing where no gravity pulls, and with gravity as much as the trials allow."""
+    model, rows = limb_of(recording)
+    position = recording.position[:, ELBOW] - recording.position[:, ELBOW].mean()
+    other = np.sin(7.0 * recording.position[:, ELBOW])
+    own = other / np.linalg.norm(other) * np.linalg.norm(position)
+    column = torque * (np.sqrt(imitated) * position + np.sqrt(1.0 - imitated) * own)
+    effect, value = BY_NAME["position_offset"], evaluate(model, rows).coefficients[0]
+    reach = _reach(model, rows, (0, float(value)), effect, {ELBOW: column[:, None]})
+    assert least <= reach <= most
+
+
+def test_a_rung_moves_no_stiffness_where_the_rung_below_is_not_there(recording: Recording) -> None:
+    model, rows = limb_of(recording)
     found = hidden_effects(model, evaluate(model, rows).coefficients, rows)
     names = {hidden.effect.name for hidden in found[ELBOW]}
     assert "load_dependent_friction" in names
