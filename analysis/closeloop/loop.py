@@ -47,7 +47,7 @@ from analysis.closeloop.units import doubtful_units
 
 #: Time that a joint moves by itself, s, before a fit says anything of it, unless it goes far; or
 #: else it leaves its hold for so long, s, in so many blocks of time, in the mean over so many at
-#: least: its motor perturbs a limb.
+#: least: its motor perturbs a limb. (The mean, while looking at five real ankles.)
 MOVES, MOVES_OUT, PERTURBED = 1.0, 0.2, 12
 
 

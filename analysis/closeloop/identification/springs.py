@@ -22,6 +22,7 @@ TOLD = 1e-6
 #: How far a parameter may go, as a factor, and the least damping ratio that it begins from.
 FURTHEST, LEAST_DAMPING = 8.0, 0.005
 #: Damping ratio, and shares of the inertia, with which a search of a limb's spring begins.
+#: (Set while looking at five of an opponent's limbs.)
 BEGIN_DAMPING, BEGIN_BEHIND = 0.05, (1.0, 0.3)
 
 

@@ -113,7 +113,8 @@ def _reach(
     width = next(iter(columns.values())).shape[1]
     stacked = rows.stack(model.transformed(columns), width)
     # Of what nearly all is imitated the rest may still show how large it is: but for a gain, and
-    # beside what was found, whose law is never quite its own.
+    # beside what was found, whose law is never quite its own. (Three of an opponent's limbs, with
+    # a wrong name and K 9 to 32 % off, decided that.)
     untold = effect.scales_effort or model.effects
     least_own = Effect.least_own if untold else LEAST_OWN
     table, kept = keep_independent(base, stacked, least_own)

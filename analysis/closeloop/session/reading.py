@@ -19,7 +19,7 @@ from analysis.closeloop.session.contents import (
     Trial,
 )
 from analysis.closeloop.session.files import SESSION_FILE, Fields, inside, like, read_json
-from sim.effects.catalogue import VISCOELASTIC, law_of
+from sim.effects.catalogue import BY_NAME, VISCOELASTIC, law_of
 
 MAX_TRIALS = 200
 MAX_JSON_BYTES = 1_000_000
@@ -86,6 +86,7 @@ def read_session(folder: Path, known_effects: Collection[str]) -> Session:
     if fields.get("limb_joints") is None:
         limbs = tuple(entry.joint for entry in declared if entry.effect == VISCOELASTIC.name)
     _only_where_limbs_are(fields, declared, limbs)
+    calibrated = _calibrated(fields, declared)
     return Session(
         folder=folder,
         model=model,
@@ -97,7 +98,7 @@ def read_session(folder: Path, known_effects: Collection[str]) -> Session:
         limb_joints=limbs,
         kinematic_cutoff_hz=_cutoff_hz(fields),
         noise=_noise(fields),
-        calibrated=_calibrated(fields),
+        calibrated=calibrated,
         trials=_trials(fields, folder, filter_hz),
         unknown=tuple(
             name.encode(errors="backslashreplace").decode() for name in _unread(content, _KEYS)
@@ -337,13 +338,20 @@ def _noise(fields: Fields) -> dict[str, float]:
     }
 
 
-def _calibrated(fields: Fields) -> frozenset[str]:
-    """Return the effort channels that are known to be the torque, and no share of it."""
+def _calibrated(fields: Fields, declared: Sequence[DeclaredEffect]) -> frozenset[str]:
+    """Return the effort channels that are known to be the torque, and no share of it.
+
+    Raises:
+        SessionError: a channel is said to be the torque, and declared to be a share of it.
+    """
     known = set()
+    shares = {f"{entry.joint}.effort" for entry in declared if BY_NAME[entry.effect].scales_effort}
     for channel, own in _sensors(fields):
         value = own.get("calibrated", False)
         if not isinstance(value, bool):
             raise own.wrong("calibrated", "must be true or false")
+        if value and channel in shares:
+            raise own.wrong("calibrated", "says that there is no torque_gain; declare one of both")
         if value:
             known.add(channel)
     return frozenset(known)

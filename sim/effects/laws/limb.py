@@ -85,6 +85,7 @@ class StretchReflex(AppliedEffect):
         thresholds = [{"speed": speed, "angle": -2.0} for speed in (0.0, 0.15, 0.35, 0.6)]
         thresholds += [{"speed": 0.0, "angle": angle} for angle in (-0.5, -0.2, 0.1, 0.4, 0.7)]
         courses = [{"delay": d, "activation_time": 0.0} for d in (LATENCY, 0.035, 0.06, 0.1)]
+        # Set while looking at real ankles, and at ours: with one delay the search ended elsewhere.
         courses += [
             {"delay": delay, "activation_time": time}
             for delay in (0.035, 0.05, 0.065)

@@ -150,6 +150,21 @@ BAD: dict[str, tuple[Spoil, str]] = {
         words(trials={"file": "a.csv"}),
         r"trials must be a list of trials, such as \[\{",
     ),
+    "a word for whether an effort is calibrated": (
+        words(sensors={"elbow.effort": {"calibrated": "yes"}}),
+        r"sensors.elbow.effort.calibrated must be true or false",
+    ),
+    "a sensor of which nothing is said": (
+        words(sensors={"elbow.effort": {}}),
+        'has neither "noise_rms" nor "calibrated"',
+    ),
+    "a gain of an effort that is calibrated": (
+        words(
+            sensors={"elbow.effort": {"calibrated": True}},
+            declared_effects=[{"effect": "torque_gain", "joint": "elbow"}],
+        ),
+        "calibrated says that there is no torque_gain; declare one of both",
+    ),
     "no trials": (words(trials=[]), "trials must list at least one trial"),
     "holdouts alone": (
         words(trials=[{"file": "a.csv", "role": "holdout"}]),
