@@ -50,7 +50,7 @@ class SeriesElasticity(LooseLink):
 
     The motor's own inertia and damping lie before the spring (Spong 1987); before one between a
     device and a limb, as that of cuffs on soft tissue, so do the device's links: which share of the
-    inertia is behind it is fitted. A swing that is damped by more than 1 is none: such a spring did
+    inertia, and with it of the weight, is behind it is fitted. A swing that is damped by more than 1 is none: such a spring did
     what friction that winds up does (while looking at an opponent's). Behind it the link with M, D,
     K and the slope of gravity g' follows M d'' + (D + e) d' + (K + g' + k) d = u, where u is
     the torque that the link would need without a spring of k and e, and M, D and g' are those of
@@ -139,19 +139,17 @@ class Backlash(LooseLink):
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         recording, number = joint.recording, joint.number
         gap = theta["crossed"] * joint.travel[1]
-        behind = theta.get(BEHIND, 1.0) * _behind(joint, number)
-        before = _behind(joint, number) - behind
-        carried = joint.estimate.carried[:, number] - before * recording.acceleration[:, number]
-        pull = carried / behind
+        share = theta.get(BEHIND, 1.0)
+        behind = share * _behind(joint, number)
+        pull = (joint.estimate.carried[:, number] - _before(joint, number, share)) / behind
         ahead = np.empty(len(pull))
         for piece in recording.slices:
             ahead[piece] = lies(pull[piece], gap, 1.0 / recording.rate)
         ahead = recording.smoothed(ahead)
         rate = recording.derivative(ahead)
         twice = recording.derivative(rate)
-        damping = joint.estimate.damping[number] + _drag(joint, number)
-        own = behind * twice + damping * rate
-        own += _stiffness(joint, number) * ahead
+        own = behind * twice + _damping(joint, number, share) * rate
+        own += _stiffness(joint, number, share) * ahead
         return {number: own[:, None], **_felt_by_others(joint, ahead, rate, twice)}
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
@@ -260,23 +258,22 @@ def _parts(
     """
     recording, joints = joint.recording, list(thetas)
     load = joint.estimate.carried - there
-    for number, theta in thetas.items():
-        before = (1.0 - theta.get(BEHIND, 1.0)) * _behind(joint, number)
-        load[:, number] -= before * recording.acceleration[:, number]
-    inertias = np.stack([joint.inertias[n] for n in joints], axis=-1)
-    drags = np.stack([joint.drags[n] for n in joints], axis=-1)
-    slopes = np.stack([joint.slopes[n] for n in joints], axis=-1)
+    shares = np.array([theta.get(BEHIND, 1.0) for theta in thetas.values()])
+    for number, share in zip(joints, shares.tolist(), strict=True):
+        load[:, number] -= _before(joint, number, share)
+    inertias = shares * np.stack([joint.inertias[n] for n in joints], axis=-1)
+    drags = shares * np.stack([joint.drags[n] for n in joints], axis=-1)
+    slopes = shares * np.stack([joint.slopes[n] for n in joints], axis=-1)
     inertia, damping, stiffness = (x[:, joints].copy() for x in (inertias, drags, slopes))
     springs, own = np.empty((2, len(joints)))
     for place, (number, theta) in enumerate(thetas.items()):
-        itself = (slice(None), place, place)
-        inertia[itself] = theta.get(BEHIND, 1.0) * _behind(joint, number)
+        itself, share = (slice(None), place, place), float(shares[place])
+        inertia[itself] = share * _behind(joint, number)
         springs[place] = _spring(joint, number, theta)
         own[place] = 2.0 * theta["damping_ratio"] * np.sqrt(springs[place] * inertia[itself].mean())
+        damping[itself] = _damping(joint, number, share) + own[place]
         # A first estimate may be such that nothing would hang on the spring stably.
-        damping[itself] = max(float(joint.estimate.damping[number]), 0.0) + own[place]
-        damping[itself] += _drag(joint, number)
-        stiff = np.maximum(_stiffness(joint, number), -UPSIDE_DOWN * springs[place])
+        stiff = np.maximum(_stiffness(joint, number, share), -UPSIDE_DOWN * springs[place])
         stiffness[itself] = stiff + springs[place]
     begins = np.array([piece.start for piece in recording.slices])
     ways = hanging(inertia, damping, stiffness, load[:, joints], begins, 1.0 / recording.rate)
@@ -341,17 +338,34 @@ def _behind(joint: RecordedJoint, number: int) -> np.ndarray:
     return np.maximum(inertia - joint.recording.motor_inertia(number), LEAST_LINK * inertia)
 
 
-def _drag(joint: RecordedJoint, number: int) -> np.ndarray:
-    """Return what the link's own torque gains with its speed, as it moves, Nm s/rad or N s/m, (n,).
+def _before(joint: RecordedJoint, number: int, share: float) -> np.ndarray:
+    """Return what a joint's links take before what is loose, Nm or N, (n,).
+
+    Args:
+        joint: one of the recording, with its estimate.
+        number: of the joint with what is loose.
+        share: of the links, less the motor, behind it.
+    """
+    recording = joint.recording
+    motor = recording.motor_inertia(number) * recording.acceleration[:, number]
+    motor = motor + recording.motor_damping(number) * recording.velocity[:, number]
+    links = recording.rigid[:, number] - motor + joint.estimate.shared[:, number]
+    return np.asarray((1.0 - share) * links)
+
+
+def _damping(joint: RecordedJoint, number: int, share: float) -> np.ndarray:
+    """Return what the torque behind gains with its speed, as it moves, Nm s/rad or N s/m, (n,).
 
     The motor's damping lies before what is loose.
     """
-    return joint.drags[number][:, number] - joint.recording.motor_damping(number)
+    links = joint.drags[number][:, number] - joint.recording.motor_damping(number)
+    # A first estimate may be such that the limb would be driven.
+    return np.asarray(max(float(joint.estimate.damping[number]), 0.0) + share * links)
 
 
-def _stiffness(joint: RecordedJoint, number: int) -> np.ndarray:
-    """Return what the link's own torque gains with its position, Nm/rad or N/m, (n,)."""
-    return np.asarray(joint.estimate.stiffness[number] + joint.slopes[number][:, number])
+def _stiffness(joint: RecordedJoint, number: int, share: float) -> np.ndarray:
+    """Return what the torque behind gains with its position, Nm/rad or N/m, (n,)."""
+    return np.asarray(joint.estimate.stiffness[number] + share * joint.slopes[number][:, number])
 
 
 def _felt_by_others(
