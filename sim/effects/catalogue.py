@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 from sim.effects.effect import Effect
 from sim.effects.laws import (
+    backlash,
     coupling,
     drive,
     elastic,
@@ -34,7 +35,7 @@ EFFECTS: tuple[Effect, ...] = (
     loose_link.SeriesElasticity(),
     drive.Drift(),
     transmission.Hysteresis(),
-    loose_link.Backlash(),
+    backlash.Backlash(),
     limb.Thixotropy(),
     coupling.CrossJointCoupling(),
     coupling.CoupledMotor(),

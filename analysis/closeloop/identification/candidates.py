@@ -4,15 +4,15 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
+from analysis.closeloop.identification.balance.channels import best_channel, between
 from analysis.closeloop.identification.balance.least_squares import keep_independent
+from analysis.closeloop.identification.balance.luck import MIN_GAIN
 from analysis.closeloop.identification.balance.model import (
     Model,
     estimate_beside,
     estimate_of,
     evaluate,
-    unfitted,
 )
 from analysis.closeloop.identification.balance.regression import (
     ROUNDING,
@@ -22,7 +22,7 @@ from analysis.closeloop.identification.balance.regression import (
     compare,
     score,
 )
-from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.nameable import (
     beyond_physics,
@@ -32,7 +32,13 @@ from analysis.closeloop.identification.nameable import (
     one_way,
     refusal,
 )
-from analysis.closeloop.identification.springs import ELASTIC, left_by, nearest, of_limb
+from analysis.closeloop.identification.springs import (
+    ELASTIC,
+    FREED,
+    begins_of,
+    nearest_of_limb,
+    of_limb,
+)
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import EFFECTS, OF_ROBOTS
 from sim.effects.effect import Theta
@@ -44,8 +50,6 @@ from sim.effects.motion import Estimate, RecordedJoint
 #: while looking at limb 533 of the unkind bench, reporting seeds.)
 REFINEMENTS = (1.0, 0.5, 0.25, 0.12, 0.06, 0.03, 0.015)
 COARSE, SETTLED = 4, 0.01
-#: By what share the parameter of a channel may be beside the best, and moves to come there.
-BESIDE, MOVES = 1e-3, 12
 #: Non-linear parameters of how friction passes through zero.
 TURNING = ("smooth",)
 #: Options that are refined before they are compared.
@@ -231,7 +235,7 @@ def best_of(
     Without the columns that are left out.
     """
     if candidate.effect.channel:
-        return _best_channel(model, rows, candidate, thetas)
+        return best_channel(model, rows, candidate, thetas)
     effect, lower = candidate.effect, lowest(model, candidate)
     base, base_lower = model.base(rows)
     variants = []
@@ -307,17 +311,6 @@ def _stacked(
     return found
 
 
-def _best_channel(
-    model: Model, rows: Rows, candidate: Candidate, thetas: list[Theta]
-) -> tuple[Model, Score] | None:
-    tried = []
-    for theta in thetas:
-        channel = Channel(candidate=candidate, theta=theta)
-        changed = replace(model, channels=(*model.channels, channel))
-        tried.append((changed, evaluate(changed, rows)))
-    return min(tried, key=lambda pair: pair[1].sse) if tried else None
-
-
 def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple[Model, Score]:
     """Refine the non-linear parameters on all fit rows, within what they can physically be."""
     candidate, model, current = option.candidate, option.model, option.score
@@ -327,6 +320,8 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
     left_out = candidate.effect.undetermined
     if own is None or set(left_out) & set(own.kept):
         left_out = ()
+    if own is not None and candidate.effect is ELASTIC and BEHIND in theta:
+        return _swung(model, current, rows, candidate, whole=rounds > COARSE)
     for number, scale in enumerate(REFINEMENTS[:rounds], 1):
         begun = current.sse
         estimate = estimate_beside(model, np.array(current.coefficients), own)
@@ -345,52 +340,31 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
                 (model, current), theta = found, near
         if number >= COARSE and current.sse > (1.0 - SETTLED) * begun:
             break
-    if own is not None and candidate.effect is ELASTIC and BEHIND in theta:
-        model, current = _swung(model, current, rows, candidate)
     if candidate.effect.channel:
-        model = _between(model, rows, candidate, theta, scale)
+        model = between(model, rows, candidate, theta, scale)
     # Coefficients must follow the order of the model's terms.
     return model, evaluate(model, rows)
 
 
-def _between(model: Model, rows: Rows, candidate: Candidate, theta: Theta, scale: float) -> Model:
-    """Return the model with a channel's parameter where least is left between neighbours.
-
-    Halved steps end beside it, by more than its error (an opponent's lags).
-    """
-    rest, ((name, value),) = model.without(candidate), theta.items()
-
-    def at(moved: float) -> Model:
-        channel = Channel(candidate=candidate, theta={name: moved})
-        return replace(rest, channels=(*rest.channels, channel))
-
-    low, high = sorted(candidate.effect.nonlinear[0].near(value, scale))
-    found = minimize_scalar(
-        lambda moved: evaluate(at(moved), rows).sse,
-        bounds=(low, high),
-        method="bounded",
-        options={"xatol": BESIDE * abs(value), "maxiter": MOVES},
-    )
-    joint = unfitted(model.recording, candidate.joint)
-    if found.fun > evaluate(model, rows).sse or candidate.effect.beyond(joint, {name: found.x}, {}):
-        return model
-    return at(float(found.x))
-
-
-def _swung(model: Model, current: Score, rows: Rows, candidate: Candidate) -> tuple[Model, Score]:
+def _swung(
+    model: Model, current: Score, rows: Rows, candidate: Candidate, *, whole: bool
+) -> tuple[Model, Score]:
     """Refine a limb's spring: its parameters together, since one does most of what another does.
 
     Moved one by one they stopped where the compliance was two thirds of what it is (an opponent's).
+    Each share that is freed has to leave less by what would change a number in a report.
     """
-    rest = model.without(candidate)
-    for _ in REFINEMENTS:
+    rest, last, taken = model.without(candidate), None, FREED[1]
+    # At the end twice more what was taken: the valley is narrow.
+    for free in (*FREED, None, None) if whole else FREED[1:2]:
         own = next(term for term in model.terms if term.candidate == candidate)
-        estimate = estimate_beside(model, np.array(current.coefficients), own)
-        joint = RecordedJoint(model.recording, candidate.joint, estimate)
-        left = left_by(rest, rows, joint, agrees=1.0)
-        theta = nearest(left, {candidate.joint: own.theta})[candidate.joint]
+        names = free or taken
+        begins = begins_of(own.theta, names) if free else [own.theta]
+        theta, joint = nearest_of_limb(
+            model, np.array(current.coefficients), own, rows, begins, names
+        )
         found = best_of(rest, rows, candidate, [theta], joint)
-        if found is None or found[1].sse > (1.0 - SETTLED) * current.sse:
-            break
-        model, current = found
-    return model, current
+        least = 1.0 - (MIN_GAIN if free else ROUNDING)
+        if found is not None and (last is None or found[1].sse < least * last.sse):
+            (model, current), taken, last = found, names, found[1]
+    return model, evaluate(model, rows)

@@ -41,7 +41,7 @@ from analysis.closeloop.judgement.shoved import away_events, shoved_events
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import lowpass, rms
-from sim.effects.laws.loose_link import Backlash
+from sim.effects.laws.backlash import Backlash
 
 #: An event's peak and its flanks, over the spread of the residual (from its median).
 PEAK, FLANK = 6.0, 2.5

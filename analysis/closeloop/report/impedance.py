@@ -13,6 +13,7 @@ from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.findings import TELLING, Outcome, Trace
 from analysis.closeloop.judgement.agreement import APART, alternatives
 from analysis.closeloop.report.separating import separating_trial
+from sim.effects.laws.loose_link import DAMPED
 
 #: Effects that are listed of those that could move a stiffness.
 MAX_HIDDEN = 5
@@ -26,7 +27,13 @@ class Refits:
     def __init__(self, model: Model, rows: Rows, coefficients: np.ndarray) -> None:
         self.values = impedances(model, coefficients)
         self.fits = leave_out(model, rows, coefficients)
-        self.refitted = [impedances(model, own) for own in self.fits.coefficients]
+        shares = {
+            joint: found for (_, joint, name), found in self.fits.thetas.items() if name == DAMPED
+        }
+        self.refitted = [
+            impedances(model, own, {joint: found[number] for joint, found in shares.items()})
+            for number, own in enumerate(self.fits.coefficients)
+        ]
         self.if_unsaid = [
             impedances(bent, evaluate(bent, rows).coefficients)
             for bent in with_unsaid(model, coefficients)

@@ -1,6 +1,6 @@
 """The repaired model: the declared one with its fitted unknowns and the effects that were found."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -10,6 +10,7 @@ from analysis.closeloop.session.device import Device
 from models.mjcf.compiling import compiled
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.elements import set_inertia
+from sim.effects.laws.loose_link import DAMPED
 
 COULOMB = "coulomb_friction"
 ALL = "these trials do not determine all its parameters"
@@ -31,15 +32,17 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
         if values := {name: entry["value"] for name, entry in declared["parameters"].items()}:
             spec, _, lacking = _with_effect(spec, declared["effect"], declared["joint"], values)
             warnings += lacking
+    found = report["effects"] if report["verdict"] == Verdict.EFFECT_FOUND else []
     for name, impedance in report["impedance"].items():
         values = {key: entry["after"] or 0.0 for key, entry in impedance.items()}
+        values["damping"] /= _behind(found, name)
         VISCOELASTIC.add(spec, name, values)
         if values["stiffness"] < 0 or values["damping"] < 0:
             warnings.append(
                 f"model_after.xml: the fitted impedance of {name} is not passive (it gives energy)"
             )
     elements = []
-    for effect in report["effects"] if report["verdict"] == Verdict.EFFECT_FOUND else []:
+    for effect in found:
         if effect["name"] == LINK_INERTIA:
             for name, link in report["links"].items():
                 set_inertia(spec, name, link["mass"], link["first_moments"], link["inertia"])
@@ -65,6 +68,19 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
         warnings += lacking
     compiled(spec)
     return spec.to_xml(), elements, warnings
+
+
+def _behind(effects: Sequence[Mapping[str, Any]], joint: str) -> float:
+    """Return the share of a joint's damping that is the limb's: the rest is its motor's friction.
+
+    The model has no spring between the two.
+    """
+    shares = [
+        e["parameters"][DAMPED]
+        for e in effects
+        if e["joint"] == joint and DAMPED in e["parameters"]
+    ]
+    return next((entry["value"] or entry.get("fitted") or 1.0 for entry in shares), 1.0)
 
 
 def _with_effect(

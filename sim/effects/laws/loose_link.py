@@ -1,17 +1,17 @@
-"""Links that do not follow their motors: a spring between the two, or play.
+"""Links that do not follow their motors: a spring between the two.
 
-Spong 1987 (elastic joints); Nordin and Gutman 2002 (backlash). The motor's own inertia, damping and
-friction lie before spring and gap, and its position is what is recorded.
+Spong 1987 (elastic joints). The motor's own inertia, damping and friction lie before what is loose,
+and its position is what is recorded.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from sim.effects.effect import Columns, Effect, Limits, Theta
+from sim.effects.effect import Columns, Effect, Theta
 from sim.effects.hanging import hanging
 from sim.effects.motion import RecordedJoint, Spring
-from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, named
+from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, named
 
 #: Factor by which a compliance and that of its resonance may differ: set, as the last of these,
 #: while looking at sessions of the unkind bench with seeds below 400. A gap may by no more.
@@ -29,18 +29,28 @@ FADED = 0.1
 #: hangs behind it.
 BEHIND = "inertia_behind"
 SHARE = Parameter("1", "share behind a limb's", neutral=1.0, floor=LEAST_LINK, ceiling=1.0)
-#: Samples of a flight through a gap that are computed at a time.
-FLIGHT = 64
+#: The share of the weight that does; and of what is fitted as the limb's damping that acts behind a
+#: spring: the motor's friction is before it.
+WEIGHED, DAMPED = "weight_behind", "damping_behind"
+#: Factor by which the lengths of the pendulums that device and limb are may differ, which the odds
+#: of both shares differ by; and shares that are near enough anyway.
+PENDULUMS, NEAR = 4.0, 0.05
+#: A weight below this share of the largest effort is none.
+LEVEL = 1e-3
 
 
 class LooseLink(Effect):
     """A link that is not where its motor is, which the motors of the other joints feel, too."""
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
-        limb = joint.number in joint.recording.limbs
         # What is loose in a robot is its gear: all that it moves hangs behind.
+        nothing = {BEHIND, DAMPED, WEIGHED}
+        if joint.number in joint.recording.limbs:
+            largest = float(np.abs(joint.effort).max())
+            level = np.abs(_weight(joint, joint.number)).max() < LEVEL * largest
+            nothing = {WEIGHED} if level else set()
         return [
-            {name: value for name, value in theta.items() if limb or name != BEHIND}
+            {name: value for name, value in theta.items() if name not in nothing}
             for theta in super().thetas(joint)
         ]
 
@@ -49,14 +59,15 @@ class SeriesElasticity(LooseLink):
     """A spring between the recorded position and the limb: the limb is twisted behind by d.
 
     The motor's own inertia and damping lie before the spring (Spong 1987); before one between a
-    device and a limb, as that of cuffs on soft tissue, so do the device's links: which share of the
-    inertia, and with it of the weight, is behind it is fitted. A swing that is damped by more than 1 is none: such a spring did
-    what friction that winds up does (while looking at an opponent's). Behind it the link with M, D,
-    K and the slope of gravity g' follows M d'' + (D + e) d' + (K + g' + k) d = u, where u is
-    the torque that the link would need without a spring of k and e, and M, D and g' are those of
-    where the arm is and how it moves; the balance changes by -(M d'' + D d' + (K + g') d). The
-    column is that over the compliance 1 / k, which goes with the frequency at which the link swings
-    on the spring, on average, so it is exact once both agree.
+    device and a limb, as that of cuffs on soft tissue, so do the device's links and friction: which
+    shares of the inertia, the weight and the damping are behind it is fitted. A
+    swing that is damped by more than 1 is none: such a spring did what friction that winds up does
+    (while looking at an opponent's). Behind it the link with M, D, K and the slope of gravity g'
+    follows M d'' + (D + e) d' + (K + g' + k) d = u, where u is the torque that the link would need
+    without a spring of k and e, and M, D and g' are those of where the arm is and how it moves; the
+    balance changes by -(M d'' + D d' + (K + g') d). The column is that over the compliance 1 / k,
+    which goes with the frequency at which the link swings on the spring, on average, so it is exact
+    once both agree.
 
     How the link swings when a piece of the recording begins nothing says but what is left of that
     piece: its initial state is fitted to it, in held-out trials too, as is usual where predictions
@@ -75,6 +86,8 @@ class SeriesElasticity(LooseLink):
         resonance=Parameter("Hz", "at which the limb swings on it", floor=0.0),
         damping_ratio=Parameter("1", "of that swing by its own damping", floor=0.0, ceiling=1.0),
         inertia_behind=SHARE,
+        weight_behind=SHARE,
+        damping_behind=SHARE,
     )
     coefficients = ("compliance",)
     lower = (0.0,)
@@ -82,6 +95,8 @@ class SeriesElasticity(LooseLink):
         Nonlinear("resonance", RESONANCES, scaling=0.2, step=RELATIVE),
         Nonlinear("damping_ratio", (0.05, 0.2), scaling=0.5, step=RELATIVE),
         Nonlinear(BEHIND, (1.0,), scaling=0.2, step=RELATIVE),
+        Nonlinear(WEIGHED, (1.0,), scaling=0.2, step=RELATIVE),
+        Nonlinear(DAMPED, (1.0,), scaling=0.2, step=RELATIVE),
     )
     uses_estimate = has_to_agree = filters = True
 
@@ -105,115 +120,11 @@ class SeriesElasticity(LooseLink):
             agrees = coefficients[0] * _spring(joint, joint.number, theta)
             if not 1.0 / AGREES < agrees < AGREES:
                 return "compliance"
+        one, other = theta.get(BEHIND, 1.0), _weighed(theta)
+        one, other = one * (1.0 - other), other * (1.0 - one)
+        if not other / PENDULUMS - NEAR < one < other * PENDULUMS + NEAR:
+            return WEIGHED
         return super().beyond(joint, theta, coefficients, difference=difference)
-
-
-class Backlash(LooseLink):
-    """Play between motor and limb: the limb lies on the side to which the load pushes it.
-
-    Where the torque between the two changes sign the limb leaves its side, and flies by its own
-    load until it meets the other one and stays there (Nordin and Gutman 2002, section 2.2, with
-    an impact that is lost). The motor meanwhile carries nothing: with the limb ahead by x the
-    balance lacks -(M x'' + D x' + (K + g') x). The column is that over the gap, of a flight
-    through a gap of that size, so it is exact once both agree.
-    """
-
-    name = "backlash"
-    complexity = 2
-    signature = "the residual jerks just after the load changes sign, not where the velocity does"
-    element = "applied torque"
-    separating_trial = "move to and fro where the load changes sign, and again with a preload"
-    parameters = named(gap=Parameter("rad", "whole play", floor=0.0), inertia_behind=SHARE)
-    lower = (0.0,)
-    nonlinear = (
-        Nonlinear(
-            "crossed",
-            (0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.128),
-            scaling=0.4,
-            over_travel=True,
-        ),
-        Nonlinear(BEHIND, (1.0,), scaling=0.2, step=RELATIVE),
-    )
-    uses_estimate = has_to_agree = timed = at_reversals = True
-
-    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
-        recording, number = joint.recording, joint.number
-        gap = theta["crossed"] * joint.travel[1]
-        share = theta.get(BEHIND, 1.0)
-        behind = share * _behind(joint, number)
-        pull = (joint.estimate.carried[:, number] - _before(joint, number, share)) / behind
-        ahead = np.empty(len(pull))
-        for piece in recording.slices:
-            ahead[piece] = lies(pull[piece], gap, 1.0 / recording.rate)
-        ahead = recording.smoothed(ahead)
-        rate = recording.derivative(ahead)
-        twice = recording.derivative(rate)
-        own = behind * twice + _damping(joint, number, share) * rate
-        own += _stiffness(joint, number, share) * ahead
-        return {number: own[:, None], **_felt_by_others(joint, ahead, rate, twice)}
-
-    def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
-        gap = Reading(column=0, scale=theta["crossed"] * joint.travel[1])
-        return {**super().readings(joint, theta), "gap": gap}
-
-    def beyond(
-        self,
-        joint: RecordedJoint,
-        theta: Theta,
-        coefficients: Mapping[int, float],
-        *,
-        difference: bool = False,
-    ) -> str:
-        if 0 in coefficients and not 1.0 / AGREES < coefficients[0] < AGREES:
-            return "gap"
-        return super().beyond(joint, theta, coefficients, difference=difference)
-
-    def limits(self, joint: RecordedJoint) -> Limits:
-        # Play of half the travel is no transmission.
-        return {**super().limits(joint), "gap": (0.0, joint.travel[1])}
-
-
-def lies(pull: np.ndarray, gap: float, step: float) -> np.ndarray:
-    """Return how far a limb lies ahead of its motor in a gap, rad or m, (n,).
-
-    Args:
-        pull: acceleration that the motor gives the limb where it carries it, rad/s2 or m/s2, (n,).
-        gap: from one side to the other, rad or m.
-        step: between samples, s.
-    """
-    half, count = 0.5 * gap, len(pull)
-    ahead = np.empty(count)
-    # A limb that is pulled lies behind.
-    side = -1.0 if pull[0] > 0.0 else 1.0
-    leaves = {side: np.flatnonzero(side * pull > 0.0) for side in (-1.0, 1.0)}
-    start = 0
-    while start < count:
-        free = leaves[side]
-        place = int(np.searchsorted(free, start))
-        leave = int(free[place]) if place < len(free) else count
-        ahead[start:leave] = side * half
-        start = leave
-        for flown in _flight(pull[leave:], side * half, step):
-            out = np.flatnonzero(np.abs(flown) >= half)
-            stop = start + (int(out[0]) if len(out) else len(flown))
-            ahead[start:stop] = flown[: stop - start]
-            start = stop
-            if len(out):
-                side = float(np.sign(flown[out[0]]))
-                ahead[start] = side * half
-                start += 1
-                break
-    return ahead
-
-
-def _flight(pull: np.ndarray, begin: float, step: float) -> Iterator[np.ndarray]:
-    """Yield where a limb is that nothing pulls while its motor moves on, a stretch at a time."""
-    place, speed = begin, 0.0
-    for start in range(0, len(pull), FLIGHT):
-        speeds = speed - step * np.cumsum(pull[start : start + FLIGHT])
-        places = place + step * np.cumsum(speeds)
-        place, speed = float(places[-1]), float(speeds[-1])
-        yield places
 
 
 def springs_apart(joint: RecordedJoint, thetas: Mapping[int, Theta]) -> dict[int, Columns]:
@@ -258,9 +169,9 @@ def _parts(
     """
     recording, joints = joint.recording, list(thetas)
     load = joint.estimate.carried - there
+    for number, theta in thetas.items():
+        load[:, number] -= taken_before(joint, number, theta)
     shares = np.array([theta.get(BEHIND, 1.0) for theta in thetas.values()])
-    for number, share in zip(joints, shares.tolist(), strict=True):
-        load[:, number] -= _before(joint, number, share)
     inertias = shares * np.stack([joint.inertias[n] for n in joints], axis=-1)
     drags = shares * np.stack([joint.drags[n] for n in joints], axis=-1)
     slopes = shares * np.stack([joint.slopes[n] for n in joints], axis=-1)
@@ -268,12 +179,12 @@ def _parts(
     springs, own = np.empty((2, len(joints)))
     for place, (number, theta) in enumerate(thetas.items()):
         itself, share = (slice(None), place, place), float(shares[place])
-        inertia[itself] = share * _behind(joint, number)
+        inertia[itself] = share * inertia_behind(joint, number)
         springs[place] = _spring(joint, number, theta)
         own[place] = 2.0 * theta["damping_ratio"] * np.sqrt(springs[place] * inertia[itself].mean())
-        damping[itself] = _damping(joint, number, share) + own[place]
+        damping[itself] = damping_behind(joint, number, theta) + own[place]
         # A first estimate may be such that nothing would hang on the spring stably.
-        stiff = np.maximum(_stiffness(joint, number, share), -UPSIDE_DOWN * springs[place])
+        stiff = np.maximum(stiffness_behind(joint, number, theta), -UPSIDE_DOWN * springs[place])
         stiffness[itself] = stiff + springs[place]
     begins = np.array([piece.start for piece in recording.slices])
     ways = hanging(inertia, damping, stiffness, load[:, joints], begins, 1.0 / recording.rate)
@@ -328,59 +239,63 @@ def _swings(
 
 def _spring(joint: RecordedJoint, number: int, theta: Theta) -> float:
     """Return the stiffness on which a joint's link swings so fast, on average, Nm/rad or N/m."""
-    inertia = theta.get(BEHIND, 1.0) * float(_behind(joint, number).mean())
+    inertia = theta.get(BEHIND, 1.0) * float(inertia_behind(joint, number).mean())
     return inertia * (2.0 * np.pi * theta["resonance"]) ** 2
 
 
-def _behind(joint: RecordedJoint, number: int) -> np.ndarray:
+def inertia_behind(joint: RecordedJoint, number: int) -> np.ndarray:
     """Return the inertia that hangs behind the motor of a joint, kg m2 or kg, (n,)."""
     inertia = joint.inertias[number][:, number]
     return np.maximum(inertia - joint.recording.motor_inertia(number), LEAST_LINK * inertia)
 
 
-def _before(joint: RecordedJoint, number: int, share: float) -> np.ndarray:
-    """Return what a joint's links take before what is loose, Nm or N, (n,).
+def taken_before(joint: RecordedJoint, number: int, theta: Theta) -> np.ndarray:
+    """Return what links and damping before what is loose take, Nm or N, (n,).
 
     Args:
         joint: one of the recording, with its estimate.
         number: of the joint with what is loose.
-        share: of the links, less the motor, behind it.
+        theta: non-linear parameters of that.
     """
-    recording = joint.recording
+    recording, velocity = joint.recording, joint.recording.velocity[:, number]
     motor = recording.motor_inertia(number) * recording.acceleration[:, number]
-    motor = motor + recording.motor_damping(number) * recording.velocity[:, number]
+    motor = motor + recording.motor_damping(number) * velocity
     links = recording.rigid[:, number] - motor + joint.estimate.shared[:, number]
-    return np.asarray((1.0 - share) * links)
+    weight, drag = _weight(joint, number), _limb_damping(joint, number) * velocity
+    before = (1.0 - theta.get(BEHIND, 1.0)) * (links - weight)
+    before += (1.0 - _weighed(theta)) * weight + (1.0 - theta.get(DAMPED, 1.0)) * drag
+    return np.asarray(before)
 
 
-def _damping(joint: RecordedJoint, number: int, share: float) -> np.ndarray:
+def _weight(joint: RecordedJoint, number: int) -> np.ndarray:
+    """Return what holds a joint's declared links against gravity, Nm or N, (n,)."""
+    return np.asarray(joint.recording.weight(number) @ joint.recording.gravity)
+
+
+def _weighed(theta: Theta) -> float:
+    """Return the share of the weight behind what is loose: the inertia's if nothing is said."""
+    return theta.get(WEIGHED, theta.get(BEHIND, 1.0))
+
+
+def damping_behind(joint: RecordedJoint, number: int, theta: Theta) -> np.ndarray:
     """Return what the torque behind gains with its speed, as it moves, Nm s/rad or N s/m, (n,).
 
     The motor's damping lies before what is loose.
     """
     links = joint.drags[number][:, number] - joint.recording.motor_damping(number)
-    # A first estimate may be such that the limb would be driven.
-    return np.asarray(max(float(joint.estimate.damping[number]), 0.0) + share * links)
+    own = theta.get(DAMPED, 1.0) * _limb_damping(joint, number)
+    return np.asarray(own + theta.get(BEHIND, 1.0) * links)
 
 
-def _stiffness(joint: RecordedJoint, number: int, share: float) -> np.ndarray:
-    """Return what the torque behind gains with its position, Nm/rad or N/m, (n,)."""
-    return np.asarray(joint.estimate.stiffness[number] + share * joint.slopes[number][:, number])
+def _limb_damping(joint: RecordedJoint, number: int) -> float:
+    """Return what is fitted as damping; a first estimate may be such that it would drive."""
+    return max(float(joint.estimate.damping[number]), 0.0)
 
 
-def _felt_by_others(
-    joint: RecordedJoint, place: np.ndarray, speed: np.ndarray, twice: np.ndarray
-) -> Columns:
-    """Return the torques that a link takes of the other joints where it is ahead of its motor.
+def stiffness_behind(joint: RecordedJoint, number: int, theta: Theta) -> np.ndarray:
+    """Return what the torque behind gains with its position, Nm/rad or N/m, (n,).
 
-    Args:
-        joint: whose link it is.
-        place, speed, twice: by how much, and its first and second derivative, (n,).
+    Of the links that is the slope of their weight.
     """
-    recording, number = joint.recording, joint.number
-    torque = (
-        joint.inertias[number] * twice[:, None]
-        + joint.drags[number] * speed[:, None]
-        + joint.slopes[number] * place[:, None]
-    )
-    return {other: torque[:, [other]] for other in recording.joints if other != number}
+    own = joint.estimate.stiffness[number]
+    return np.asarray(own + _weighed(theta) * joint.slopes[number][:, number])

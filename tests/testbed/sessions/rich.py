@@ -43,7 +43,13 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     "time_delay": ({"delay": 0.02}, ()),
     "actuator_lag": ({"time_constant": 0.03}, ()),
     "series_elasticity": (
-        {"resonance": 5.0, "damping_ratio": 0.2, "inertia_behind": 1.0},
+        {
+            "resonance": 5.0,
+            "damping_ratio": 0.2,
+            "inertia_behind": 1.0,
+            "weight_behind": 1.0,
+            "damping_behind": 1.0,
+        },
         (0.0225,),
     ),
     "backlash": ({"crossed": 0.1, "inertia_behind": 1.0}, (1.2,)),

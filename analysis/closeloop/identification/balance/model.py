@@ -21,8 +21,11 @@ from analysis.closeloop.session.signals import lagged
 from sim.effects.effect import Columns, Effect
 from sim.effects.laws.elastic import Viscoelastic
 from sim.effects.laws.inertia import PLACE, PlacedPayload, load_parameters
-from sim.effects.laws.loose_link import SeriesElasticity
+from sim.effects.laws.loose_link import DAMPED, SeriesElasticity
 from sim.effects.motion import Estimate, RecordedJoint, Spring
+
+#: No joint has another.
+NOWHERE: Mapping[int, float] = {}
 
 
 @dataclass(frozen=True)
@@ -197,7 +200,7 @@ def estimate_of(model: Model, coefficients: np.ndarray) -> Estimate:
     recording = model.recording
     count = recording.position.shape[1]
     stiffness, damping = np.zeros(count), np.zeros(count)
-    for joint, values in impedances(model, coefficients).items():
+    for joint, values in fitted_impedances(model, coefficients).items():
         stiffness[joint], damping[joint] = values["stiffness"], values["damping"]
     torque = prediction(model, coefficients)
     smooth = recording.filtered(np.nan_to_num(torque))
@@ -295,11 +298,28 @@ def hung_in(recording: Recording, load: HungLoad) -> np.ndarray:
     return np.asarray(np.array(named)[recording.trial][:, None])
 
 
-def impedances(model: Model, coefficients: np.ndarray) -> dict[int, dict[str, float]]:
+def impedances(
+    model: Model, coefficients: np.ndarray, behind: Mapping[int, float] = NOWHERE
+) -> dict[int, dict[str, float]]:
     """Return stiffness, damping and neutral angle of every joint with a declared impedance.
 
-    In the restoring sense: the joint feels -K (q - q0) - D q'.
+    In the restoring sense: the joint feels -K (q - q0) - D q'. Of the damping what a spring has
+    before it is the motor's friction, and no limb's.
+
+    Args:
+        model: with the impedances.
+        coefficients: of the model.
+        behind: another share of the damping that is behind a spring, by its joint.
     """
+    found = fitted_impedances(model, coefficients)
+    for term in model.terms:
+        if term.joint in found and DAMPED in term.theta:
+            found[term.joint]["damping"] *= behind.get(term.joint, term.theta[DAMPED])
+    return found
+
+
+def fitted_impedances(model: Model, coefficients: np.ndarray) -> dict[int, dict[str, float]]:
+    """Return the same of the balance: its damping holds the motor's friction, too."""
     return {
         term.joint: term.effect.impedance(
             dict(zip(term.kept, own, strict=True)), gain(model, coefficients, term.joint)

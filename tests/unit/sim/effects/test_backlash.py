@@ -8,7 +8,7 @@ import pytest
 from analysis.closeloop.identification.balance.model import unfitted
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
-from sim.effects.laws.loose_link import lies
+from sim.effects.laws.backlash import lies
 from tests.testbed.sessions.rich import ELBOW
 
 BACKLASH = BY_NAME["backlash"]
