@@ -10,6 +10,7 @@ from analysis.closeloop.session.mjcf import load_device
 from analysis.closeloop.session.plausibility import (
     check_copies,
     check_frozen,
+    check_saturated,
     check_torque,
     checked_trial,
 )
@@ -38,6 +39,7 @@ def load_session(folder: Path) -> Recording:
         check_exchanged(trial, device, session.limb_joints)
         trials.append(checked_trial(trial, device, session.limb_joints))
     check_copies(trials)
+    check_saturated(trials, device)
     session = unread_sensors(session, {name for trial in trials for name in trial.columns})
     recording = record(replace(session, trials=tuple(trials)), device)
     check_signs(recording)

@@ -85,6 +85,10 @@ def beyond_physics(model: Model, scored: Score, candidate: Candidate) -> str:
     joint = replace(joint, estimate=estimate)
     parts: list[Term | Channel] = [*model.terms, *model.channels]
     theta = next(part.theta for part in parts if part.candidate == candidate)
+    others = [c.effect for c in model.effects if c.joint == candidate.joint and c != candidate]
+    if candidate.effect.unlikely(joint, theta) and any(effect.limb for effect in others):
+        # It fills what a limb's own form leaves (an opponent's waves beside cubic springs).
+        return candidate.effect.name
     differs = candidate.effect.rubs and corrects(model.without(candidate), candidate)
     # Damping is a difference where some is declared, which its bound keeps from going below none.
     damped = model.recording.device.model.dof_damping[candidate.joint] > 0.0

@@ -40,7 +40,7 @@ from analysis.closeloop.judgement.recurring import ELSEWHERE, Way, clock_of
 from analysis.closeloop.judgement.shoved import away_events, shoved_events
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
-from analysis.closeloop.session.signals import lowpass, rms
+from analysis.closeloop.session.signals import least_digit, lowpass, rms
 from sim.effects.laws.backlash import Backlash
 
 #: An event's peak and its flanks, over the spread of the residual (from its median).
@@ -111,7 +111,16 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             found += shoved_events(recording, joint, moved, others)
         else:
             found += away_events(recording, joint)
+    rounded = {joint: _rounded(recording, joint) for joint in range(recording.effort.shape[1])}
+    found = [event for event in found if abs(event.peak) > rounded[event.joint]]
     return tuple(sorted(_joined(found), key=lambda one: (one.begin, one.joint)))
+
+
+def _rounded(recording: Recording, joint: int) -> float:
+    """Return how far apart rounding sets two torques that a joint has, Nm or N: a step."""
+    raw = [recording.raw_effort(trial, joint) for trial in range(len(recording.session.trials))]
+    known = [signal for signal in raw if signal is not None]
+    return float(np.sqrt(12.0)) * least_digit(np.concatenate(known)) if known else 0.0
 
 
 def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:

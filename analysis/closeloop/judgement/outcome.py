@@ -166,8 +166,11 @@ def _large(
         unit = np.sqrt(count) * rows.weight[rows.parts[joint].start]
         effort = MIN_EFFORT * np.sqrt(rows.effort_power(joint)) / unit
         smoothing = np.sqrt(rows.smoothing_power(joint)) / unit
-        floor = lowest[joint].value if joint in lowest else 0.0
-        least = max(MIN_STRUCTURE * floor, float(min(effort, smoothing)))
+        floor = lowest.get(joint)
+        # What rounding leaves goes with what it rounds.
+        rounds = floor is not None and floor.source == "quantisation"
+        share = (1.0 if rounds else MIN_STRUCTURE) * (floor.value if floor else 0.0)
+        least = max(share, float(min(effort, smoothing)))
         kept[joint] = [one for one in own if one.rms > least]
     return kept
 

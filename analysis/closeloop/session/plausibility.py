@@ -154,14 +154,37 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
         if mostly or np.ptp(effort) <= 1e-12 * (1.0 + np.abs(effort).max()):
             why = f"is constant at {value:g} while {joint} moves; record the motor's torque"
             raise SessionError(why, file=trial.file, column=column, line=int(np.argmax(at)) + 2)
-        line = saturated_line(effort, position)
-        if line is not None:
+    return trial if moving else replace(trial, repairs=(*trial.repairs, STILL))
+
+
+def check_saturated(trials: Sequence[Trial], device: Device) -> None:
+    """Refuse an effort that stays at its limit while its joint moves.
+
+    What goes further in another trial is no limit: a joint that is accelerated evenly about an
+    upright axis stays on one step of a coarse effort (an opponent's).
+
+    Raises:
+        SessionError: names file, column and line.
+    """
+    for joint in device.recorded_joints:
+        column, place = f"{joint}.effort", f"{joint}.position"
+        there = [trial for trial in trials if column in trial.columns]
+        every = [trial.columns[column] for trial in there]
+        for trial, effort in zip(there, every, strict=True):
+            line = saturated_line(effort, trial.columns[place])
+            if line is None:
+                continue
+            value = effort[line - 2]
+            ends = [(own.min(), own.max()) for own in every]
+            if effort.min() < value and any(value < high for _, high in ends):
+                continue
+            if value < effort.max() and any(low < value for low, _ in ends):
+                continue
             why = (
-                f"is saturated: it stays at {effort[line - 2]:g} while {joint} moves; "
+                f"is saturated: it stays at {value:g} while {joint} moves; "
                 "repeat the trial below the motor's limit"
             )
             raise SessionError(why, file=trial.file, column=column, line=line)
-    return trial if moving else replace(trial, repairs=(*trial.repairs, STILL))
 
 
 def check_torque(trial: Trial, device: Device, limb_joints: Collection[str]) -> None:

@@ -20,7 +20,9 @@ from sim.effects.parameter import (
 )
 
 #: Periods over the travel of which a period has come back: of fewer, a smooth curve is as good.
-LEAST_PERIODS = 2.0
+COMES_BACK = 2.0
+#: ... and the fewest that are looked for.
+LEAST_PERIODS = 0.5
 
 
 class TorqueRipple(Law):
@@ -51,11 +53,9 @@ class TorqueRipple(Law):
         _, half = joint.travel
         if good.sum() < 200:
             return []
-        limb = joint.number in joint.recording.limbs
-        orders = 0.25 * np.pi / half * np.arange(4 * (LEAST_PERIODS if limb else 1.0), 238)
+        orders = 0.25 * np.pi / half * np.arange(4 * LEAST_PERIODS, 238)
         power = beyond_a_line(joint.position[good], residual[good], orders)
-        # What falls off from a limb's longest wave on is a curve, and no wave.
-        around = np.concatenate([[np.inf if limb else 0.0], power, [0.0]])
+        around = np.concatenate([[0.0], power, [0.0]])
         peaks = np.flatnonzero((power > around[:-2]) & (power >= around[2:]))
         best = peaks[np.argsort(power[peaks])[::-1][:4]]
         return [
@@ -65,14 +65,11 @@ class TorqueRipple(Law):
         ]
 
     def limits(self, joint: RecordedJoint) -> Limits:
-        """A limb's soft tissue bends: fewer periods fill its curve (an opponent's)."""
-        if joint.number not in joint.recording.limbs:
-            return super().limits(joint)
         return {**super().limits(joint), "order": (LEAST_PERIODS * np.pi / joint.travel[1], np.inf)}
 
     def unlikely(self, joint: RecordedJoint, theta: Theta) -> bool:
         periods = theta["order"] * joint.travel[1] / np.pi
-        return joint.number not in joint.recording.limbs and periods < LEAST_PERIODS
+        return periods < COMES_BACK
 
 
 #: Ways over which something winds up, over half the travel.

@@ -183,6 +183,37 @@ def test_resistance_that_slips_over_many_ways_is_hysteresis_though_no_law_of_one
     assert low < STIFFNESS < high
 
 
+def test_a_ripple_that_fits_into_the_range_but_once_is_no_softening_spring(tmp_path: Path) -> None:
+    """K was 18 % too high under the name of a spring that softens, and sure of it."""
+    order = np.pi / LIMB.amplitude[0]
+
+    def ripple(_time: float, q: np.ndarray, _v: np.ndarray) -> np.ndarray:
+        return np.array([-0.4 * np.sin(order * float(q[0]) + 0.5)])
+
+    report = answered(tmp_path, ATTRIBUTES, ATTRIBUTES, ripple)
+    assert [effect["name"] for effect in report["effects"]] == ["torque_ripple"]
+    found = report["effects"][0]["parameters"]
+    assert found["order"]["value"] == pytest.approx(order, rel=0.05)
+    assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(STIFFNESS, rel=0.02)
+
+
+def test_steps_of_a_coarse_effort_are_no_pushes(tmp_path: Path) -> None:
+    """Of seven clean limbs like it each was told of pushes of less than half a step."""
+    truth = LIMB.changed(ATTRIBUTES, f"{ATTRIBUTES} {LIMP}")
+    write_recordings(tmp_path, LIMB, 2, truth=truth, rate=200.0, seconds=8.0, trials=4)
+    session = json.loads((tmp_path / "session.json").read_text())
+    session["declared_effects"] = [{"effect": "viscoelastic_joint", "joint": "elbow"}]
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    for trial in session["trials"]:
+        path = tmp_path / trial["file"]
+        header, table = path.read_text().split("\n")[0], np.loadtxt(path, delimiter=",", skiprows=1)
+        table[:, 2] = 0.4 * np.round(table[:, 2] / 0.4)
+        np.savetxt(path, table, delimiter=",", header=header, comments="")
+    report = analyse(tmp_path).report
+    assert report["verdict"] in ("adequate", "not_identifiable")
+    assert report["effects"] == [] and not report["unexplained"]
+
+
 @pytest.mark.parametrize("real", [0.2, 0.0])
 def test_friction_that_is_declared_too_high_is_a_negative_difference(
     real: float, tmp_path: Path

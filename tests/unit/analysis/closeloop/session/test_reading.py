@@ -1,5 +1,7 @@
 """Every bad input gets one error with file, column and line, and leaves nothing behind."""
 
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.judgement.events import find_events
 from analysis.closeloop.load import load_session
-from analysis.closeloop.session.plausibility import works
+from analysis.closeloop.session.plausibility import check_saturated, works
 from analysis.closeloop.session.runs import saturated_line
 from tests.testbed.sessions.small import HEADER, Folder
 
@@ -217,6 +219,21 @@ def test_a_joint_that_is_held_is_not_saturated() -> None:
     effort = np.round(6.0 * shares / 0.06) * 0.06
     assert saturated_line(effort, 0.1 * shares + noise) is None
     assert saturated_line(effort, np.linspace(0, 1, 500)) == 101
+
+
+@pytest.mark.parametrize("refused", [True, False])
+def test_what_an_effort_exceeds_in_another_trial_is_no_limit(
+    folder: Folder, *, refused: bool
+) -> None:
+    """A joint that is accelerated evenly stays on one step of a coarse effort, and was refused."""
+    recording = load_session(folder.write())
+    trial = recording.session.trials[0]
+    effort = trial.columns["elbow.effort"]
+    limit = float(np.quantile(effort, 0.9))
+    clipped = {**trial.columns, "elbow.effort": np.minimum(effort, limit)}
+    trials = [replace(trial, columns=clipped), trial]
+    with pytest.raises(SessionError, match="saturated") if refused else nullcontext():
+        check_saturated(trials[:1] if refused else trials, recording.device)
 
 
 @pytest.mark.parametrize("column", ["elbow.effort", "elbow.position"])
