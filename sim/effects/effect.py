@@ -119,6 +119,13 @@ class Effect(ABC):
             for value in parameter.near(theta[parameter.name], scale)
         ]
 
+    def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
+        """Return where searches of several parameters at once begin, the simplest first.
+
+        Each with what may change, and between which values.
+        """
+        return []
+
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         """Return what the motor has to add for one unit of each coefficient."""
         return {}

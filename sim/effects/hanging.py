@@ -5,6 +5,8 @@ import numpy as np
 #: Terms of a matrix exponential's series, of a matrix whose rows add up to less than a half: what
 #: is left is below 1e-9.
 TERMS, SMALL = 9, 0.5
+#: Turns of a step below which a sine over them is one.
+ALIKE = 1e-6
 
 
 def hanging(
@@ -90,10 +92,13 @@ def _swing_of_one(decay: np.ndarray, square: np.ndarray, step: float) -> np.ndar
         square: stiffness over inertia, 1/s2, (n,).
         step: s.
     """
-    # Beyond critical damping the turn is imaginary, and both functions of it stay real.
-    turn = np.sqrt(square - decay**2 + 0j)
-    even = np.exp(-decay * step) * np.cos(turn * step).real
-    odd = np.exp(-decay * step) * (step * np.sinc(turn * step / np.pi)).real
+    # Real beyond critical damping, else imaginary; both sums of exponentials stay real.
+    turn = np.sqrt(decay**2 - square + 0j)
+    slow, quick = np.exp((turn - decay) * step), np.exp(-(turn + decay) * step)
+    even = 0.5 * (slow + quick).real
+    far = np.abs(turn * step) > ALIKE
+    apart = np.where(far, turn, 1.0)
+    odd = np.where(far, 0.5 * (slow - quick) / apart, step * np.exp(-decay * step)).real
     first = np.stack([even + decay * odd, odd], axis=-1)
     return np.stack([first, np.stack([-square * odd, even - decay * odd], axis=-1)], axis=-2)
 

@@ -22,6 +22,7 @@ from analysis.closeloop.identification.balance.regression import (
     compare,
     score,
 )
+from analysis.closeloop.identification.balance.searched import searched
 from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.nameable import (
@@ -342,6 +343,14 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
             break
     if candidate.effect.channel:
         model = between(model, rows, candidate, theta, scale)
+    last = None
+    for begin, free in candidate.effect.searches(theta) if rounds > COARSE else ():
+        theta = searched(rest, rows, candidate, joint, begin, free)
+        found = best_of(rest, rows, candidate, [theta], joint, left_out)
+        least = current.sse if last is None else (1.0 - MIN_GAIN) * last
+        if found is not None and found[1].sse < least:
+            model, last = found[0], found[1].sse
+        last = current.sse if last is None else last
     # Coefficients must follow the order of the model's terms.
     return model, evaluate(model, rows)
 

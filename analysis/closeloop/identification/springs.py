@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from analysis.closeloop.identification.balance.least_squares import beyond
 from analysis.closeloop.identification.balance.luck import MIN_GAIN
 from analysis.closeloop.identification.balance.model import (
     Model,
@@ -32,8 +33,6 @@ ELASTIC = BY_NAME["series_elasticity"]
 #: Steps of all springs' parameters at once, at most; the share of what is left that one has to take
 #: away for another to follow, and by what share a parameter is moved to see what it does.
 STEPS, SETTLED, STEP = 15, 1e-3, 0.01
-#: Directions of what else is fitted that are so much weaker than the strongest are not told.
-TOLD = 1e-6
 #: How far a parameter may go, as a factor, and the least damping ratio that it begins from.
 FURTHEST, LEAST_DAMPING = 8.0, 0.005
 #: Damping ratio, and shares of the inertia, with which a search begins. (Set while looking at five
@@ -67,7 +66,7 @@ def left_by(
     base, _ = rest.base(rows)
     if beside is not None:
         base = np.column_stack([base, beside])
-    left_of = _beyond(base)
+    left_of = beyond(base)
     target = left_of(rest.target(rows))
 
     def left(thetas: Mapping[int, Theta]) -> np.ndarray:
@@ -76,14 +75,6 @@ def left_by(
         return np.asarray(target - np.clip(size, 1.0 / agrees, agrees) * own)
 
     return left
-
-
-def _beyond(base: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Return what tells what columns, (r, k), leave of a signal, (r,)."""
-    scale = np.linalg.norm(base, axis=0).clip(1e-300)
-    directions, size, _ = np.linalg.svd(base / scale, full_matrices=False)
-    told = directions[:, size > TOLD * size.max(initial=0.0)]
-    return lambda signal: np.asarray(signal - told @ (told.T @ signal))
 
 
 def _of_springs(
@@ -209,7 +200,7 @@ def nearest_of_limb(
     base, _ = rest.base(rows)
     places = next(own for term, own in rest.split(np.arange(base.shape[1])) if term is limb)
     known = next(own for term, own in model.split(coefficients) if term is limb)
-    columns, left_of = base[:, places], _beyond(np.delete(base, places, axis=1))
+    columns, left_of = base[:, places], beyond(np.delete(base, places, axis=1))
     torques = kept_columns(limb)[number]
     smooth = recording.filtered(rest.transformed({number: torques})[number])
     target, gained = rest.target(rows), gain(model, coefficients, number)

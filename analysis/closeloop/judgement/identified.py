@@ -85,8 +85,8 @@ def _covered(model: Model, joint: int) -> set[str]:
 
 
 def _variants(effect: Effect, joint: RecordedJoint) -> Iterator[Columns]:
-    """Yield an effect's columns over its non-linear parameters, a few of them."""
-    thetas = effect.thetas(joint)
+    """Yield an effect's columns over its non-linear parameters, a few of the likely ones."""
+    thetas = [theta for theta in effect.thetas(joint) if not effect.unlikely(joint, theta)]
     step = max(1, -(-len(thetas) // VARIANTS))
     for theta in thetas[step // 2 :: step]:
         yield effect.columns(joint, theta)

@@ -22,6 +22,15 @@ from sim.effects.parameter import RELATIVE, SECONDS, Nonlinear, Parameter, Value
 #: No reflex is faster, s: the short-latency response of an arm's muscles begins 20 to 50 ms after a
 #: stretch (Pruszynski and Scott 2012), in the biceps 20 to 25 ms, and torque later still.
 LATENCY = 0.02
+#: Where parameters are searched for: s and, of thresholds, over top speed and half the travel.
+BETWEEN = {
+    "delay": (LATENCY - 1e-9, 0.3),
+    "speed": (0.0, 0.95),
+    "angle": (-0.95, 0.95),
+    "activation_time": (0.001, 0.3),
+}
+#: Time constant with which the search for a muscle begins, s.
+MUSCLE = 0.01
 #: Stages of a muscle's low-pass, one after the other.
 ORDER = 2
 #: Beyond any angle: the reflex has no threshold angle.
@@ -58,7 +67,7 @@ class StretchReflex(AppliedEffect):
         ),
         delay=Parameter("s", "time from stretch to torque", 0.0, 0.1, floor=0.0, ceiling=0.5),
         activation_time=Parameter(
-            "s", "of the muscle's low-pass", 0.0, 0.1, floor=0.0, ceiling=0.5
+            "s", "of the muscle's low-pass of second order", 0.0, 0.1, floor=0.0, ceiling=0.5
         ),
         side=SIDE,
     )
@@ -103,6 +112,19 @@ class StretchReflex(AppliedEffect):
         near: list[Theta] = [{**one, "delay": max(LATENCY, one["delay"])} for one in every[:2]]
         near += every[4:6] if theta["angle"] > -1.0 else every[2:4]
         return near + (every[6:] if theta["activation_time"] else [])
+
+    def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
+        begins = [theta]
+        if not theta["activation_time"]:
+            # The muscle as late as the latency that imitated it.
+            delay = max(LATENCY, theta["delay"] - ORDER * MUSCLE)
+            begins.append({**theta, "delay": delay, "activation_time": MUSCLE})
+        both = {"angle": -0.5} if theta["angle"] <= -1.0 else {"speed": 0.15}
+        begins.append({**begins[-1], **both})
+        return [
+            (one, {name: limits for name, limits in BETWEEN.items() if one[name] > limits[0]})
+            for one in begins
+        ]
 
     def limits(self, joint: RecordedJoint) -> Limits:
         limits = super().limits(joint)

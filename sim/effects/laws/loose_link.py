@@ -5,6 +5,7 @@ and its position is what is recorded.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,23 +19,28 @@ from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, named
 AGREES = 2.0
 #: Least share of a joint's inertia that lies behind a spring.
 LEAST_LINK = 0.05
+#: A share that is as near to its bound is there.
+AT_BOUND = 0.01
 #: A limb above its axis falls off a spring that is weaker than its weight: most of that slope.
 UPSIDE_DOWN = 0.5
-#: Where a link may swing on its spring, Hz: steps of a quarter, as wide as the least damped swings.
+#: Where a link may swing on its spring, Hz, at the least, and where that is looked for: steps of a
+#: quarter, as wide as the least damped swings.
+SLOWEST = 0.5
 RESONANCES = (1.5, 1.9, 2.4, 3.0, 3.7, 4.6, 5.8, 7.2, 9.0, 11.0, 14.0, 18.0, 25.0)
 #: Share of a swing that samples have to show for them to determine it: it may have faded before
 #: the first of them, or be quicker than the low-pass lets through.
 FADED = 0.1
 #: Non-linear parameter of what is loose at a limb: the share of the inertia, less the motor's, that
-#: hangs behind it.
+#: hangs behind it, and the least that a limb can have.
 BEHIND = "inertia_behind"
-SHARE = Parameter("1", "share behind a limb's", neutral=1.0, floor=LEAST_LINK, ceiling=1.0)
+LEAST_LIMB = 0.1
+SHARE = Parameter("1", "share behind it (limb)", neutral=1.0, floor=LEAST_LIMB, ceiling=1.0)
 #: The share of the weight that does; and of what is fitted as the limb's damping that acts behind a
 #: spring: the motor's friction is before it.
 WEIGHED, DAMPED = "weight_behind", "damping_behind"
 #: Factor by which the lengths of the pendulums that device and limb are may differ, which the odds
 #: of both shares differ by; and shares that are near enough anyway.
-PENDULUMS, NEAR = 4.0, 0.05
+PENDULUMS, NEAR = 8.0, 0.05
 #: A weight below this share of the largest effort is none.
 LEVEL = 1e-3
 
@@ -83,11 +89,11 @@ class SeriesElasticity(LooseLink):
     separating_trial = "push the joint with short pulses, and record the limb's own angle"
     parameters = named(
         compliance=Parameter("rad/Nm", "1 / k", floor=0.0),
-        resonance=Parameter("Hz", "at which the limb swings on it", floor=0.0),
+        resonance=Parameter("Hz", "at which the limb swings on it", neutral=25.0, floor=SLOWEST),
         damping_ratio=Parameter("1", "of that swing by its own damping", floor=0.0, ceiling=1.0),
         inertia_behind=SHARE,
-        weight_behind=SHARE,
-        damping_behind=SHARE,
+        weight_behind=replace(SHARE, floor=LEAST_LINK),
+        damping_behind=replace(SHARE, floor=LEAST_LINK),
     )
     coefficients = ("compliance",)
     lower = (0.0,)
@@ -120,6 +126,13 @@ class SeriesElasticity(LooseLink):
             agrees = coefficients[0] * _spring(joint, joint.number, theta)
             if not 1.0 / AGREES < agrees < AGREES:
                 return "compliance"
+        # A search that ends at a bound has found no link, or none that swings.
+        if theta.get(BEHIND, 1.0) < LEAST_LIMB + AT_BOUND:
+            return BEHIND
+        if theta["damping_ratio"] > 1.0 - AT_BOUND:
+            return "damping_ratio"
+        if theta["resonance"] < SLOWEST + AT_BOUND:
+            return "resonance"
         one, other = theta.get(BEHIND, 1.0), _weighed(theta)
         one, other = one * (1.0 - other), other * (1.0 - one)
         if not other / PENDULUMS - NEAR < one < other * PENDULUMS + NEAR:

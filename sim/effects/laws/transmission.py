@@ -21,8 +21,8 @@ from sim.effects.parameter import (
 
 #: Periods over the travel of which a period has come back: of fewer, a smooth curve is as good.
 COMES_BACK = 2.0
-#: ... and the fewest that are looked for.
-LEAST_PERIODS = 0.5
+#: ... and the fewest that are looked for: a limb turns less than most robots.
+OF_LIMBS, OF_ROBOTS = 0.5, 1.0
 
 
 class TorqueRipple(Law):
@@ -53,7 +53,8 @@ class TorqueRipple(Law):
         _, half = joint.travel
         if good.sum() < 200:
             return []
-        orders = 0.25 * np.pi / half * np.arange(4 * LEAST_PERIODS, 238)
+        limb = joint.number in joint.recording.limbs
+        orders = 0.25 * np.pi / half * np.arange(4 * (OF_LIMBS if limb else OF_ROBOTS), 238)
         power = beyond_a_line(joint.position[good], residual[good], orders)
         around = np.concatenate([[0.0], power, [0.0]])
         peaks = np.flatnonzero((power > around[:-2]) & (power >= around[2:]))
@@ -65,7 +66,9 @@ class TorqueRipple(Law):
         ]
 
     def limits(self, joint: RecordedJoint) -> Limits:
-        return {**super().limits(joint), "order": (LEAST_PERIODS * np.pi / joint.travel[1], np.inf)}
+        if joint.number not in joint.recording.limbs:
+            return super().limits(joint)
+        return {**super().limits(joint), "order": (OF_LIMBS * np.pi / joint.travel[1], np.inf)}
 
     def unlikely(self, joint: RecordedJoint, theta: Theta) -> bool:
         periods = theta["order"] * joint.travel[1] / np.pi

@@ -1,11 +1,14 @@
 """Least squares with bounds from Gram matrices, which add up over any partition of the rows."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
 from sim.effects.effect import Effect
+
+#: Directions of columns that are so much weaker than the strongest are not told.
+TOLD = 1e-6
 
 
 def gram_matrices(table: np.ndarray, parts: Iterable[np.ndarray]) -> np.ndarray:
@@ -138,3 +141,11 @@ def fits_without_each(grams: np.ndarray, lower: np.ndarray) -> list[tuple[np.nda
     wanted = np.concatenate([total - grams, total[None]])
     fits = solve_each(wanted, lower)
     return [(fit, misfit(gram, fit)) for gram, fit in zip(wanted, fits, strict=True)]
+
+
+def beyond(base: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what tells what columns, (r, k), leave of a signal, (r,)."""
+    scale = np.linalg.norm(base, axis=0).clip(1e-300)
+    directions, size, _ = np.linalg.svd(base / scale, full_matrices=False)
+    told = directions[:, size > TOLD * size.max(initial=0.0)]
+    return lambda signal: np.asarray(signal - told @ (told.T @ signal))

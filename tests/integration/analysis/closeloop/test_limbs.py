@@ -1,6 +1,7 @@
 """A limb in a simulated device: what its model declares too much, and names that K depends on."""
 
 import json
+from collections import deque
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -181,6 +182,29 @@ def test_resistance_that_slips_over_many_ways_is_hysteresis_though_no_law_of_one
     assert stiffness["after"] == pytest.approx(STIFFNESS, rel=0.03)
     low, high = stiffness["ci90_after"]
     assert low < STIFFNESS < high
+
+
+def test_a_reflex_beyond_a_speed_and_an_angle_is_found_with_both(tmp_path: Path) -> None:
+    """Only one of the two was found, and the latency was 71 ms for 30 (a stranger's)."""
+    onset, speed, gain, latency, muscle = 1.1, 0.4, 1.0, 0.04, 0.03
+    late: deque[float] = deque([0.0] * round(latency / STEP), maxlen=round(latency / STEP))
+    stages = np.zeros(2)
+
+    def reflex(_time: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        passed = late[0]
+        late.append(gain * max(float(v[0]) - speed, 0.0) * (float(q[0]) > onset))
+        stages[0] += STEP / muscle * (passed - stages[0])
+        stages[1] += STEP / muscle * (stages[0] - stages[1])
+        return np.array([-stages[1]])
+
+    report = answered(tmp_path, ATTRIBUTES, ATTRIBUTES, reflex)
+    assert [effect["name"] for effect in report["effects"]] == ["stretch_reflex"]
+    found = {name: one["value"] for name, one in report["effects"][0]["parameters"].items()}
+    assert found["threshold_angle"] == pytest.approx(onset, abs=0.03)
+    assert found["threshold_velocity"] == pytest.approx(speed, abs=0.08)
+    assert found["delay"] + 2.0 * found["activation_time"] == pytest.approx(0.1, abs=0.015)
+    assert found["gain"] == pytest.approx(gain, rel=0.15)
+    assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(STIFFNESS, rel=0.02)
 
 
 def test_a_ripple_that_fits_into_the_range_but_once_is_no_softening_spring(tmp_path: Path) -> None:
