@@ -343,14 +343,14 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
             break
     if candidate.effect.channel:
         model = between(model, rows, candidate, theta, scale)
-    last = None
-    for begin, free in candidate.effect.searches(theta) if rounds > COARSE else ():
-        theta = searched(rest, rows, candidate, joint, begin, free)
-        found = best_of(rest, rows, candidate, [theta], joint, left_out)
-        least = current.sse if last is None else (1.0 - MIN_GAIN) * last
-        if found is not None and found[1].sse < least:
-            model, last = found[0], found[1].sse
-        last = current.sse if last is None else last
+    least = current.sse
+    searches = candidate.effect.searches(theta) if rounds > COARSE else []
+    for number, (begin, free) in enumerate(searches):
+        near = searched(rest, rows, candidate, joint, begin, free)
+        found = best_of(rest, rows, candidate, [near], joint, left_out)
+        # What is less simple has to leave less by what would change a number in a report.
+        if found is not None and found[1].sse < (1.0 - (MIN_GAIN if number else 0.0)) * least:
+            model, least = found[0], found[1].sse
     # Coefficients must follow the order of the model's terms.
     return model, evaluate(model, rows)
 

@@ -19,6 +19,8 @@ from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, named
 AGREES = 2.0
 #: Least share of a joint's inertia that lies behind a spring.
 LEAST_LINK = 0.05
+#: Damping ratio from which on nothing answers more at its resonance than below it.
+PEAKED = 0.5**0.5
 #: A share that is as near to its bound is there.
 AT_BOUND = 0.01
 #: A limb above its axis falls off a spring that is weaker than its weight: most of that slope.
@@ -66,14 +68,14 @@ class SeriesElasticity(LooseLink):
 
     The motor's own inertia and damping lie before the spring (Spong 1987); before one between a
     device and a limb, as that of cuffs on soft tissue, so do the device's links and friction: which
-    shares of the inertia, the weight and the damping are behind it is fitted. A
-    swing that is damped by more than 1 is none: such a spring did what friction that winds up does
-    (while looking at an opponent's). Behind it the link with M, D, K and the slope of gravity g'
-    follows M d'' + (D + e) d' + (K + g' + k) d = u, where u is the torque that the link would need
-    without a spring of k and e, and M, D and g' are those of where the arm is and how it moves; the
-    balance changes by -(M d'' + D d' + (K + g') d). The column is that over the compliance 1 / k,
-    which goes with the frequency at which the link swings on the spring, on average, so it is exact
-    once both agree.
+    shares of inertia, weight and damping are behind it is fitted. A swing that is damped so much
+    that it has no peak is none: such a spring did what friction that winds up does (while looking
+    at an opponent's). Behind it the link with M, D, K and the slope of gravity g' follows
+    M d'' + (D + e) d' + (K + g' + k) d = u, where u is the torque that the link would need without
+    a spring of k and e, and M, D and g' are those of where the arm is and how it moves; the balance
+    changes by -(M d'' + D d' + (K + g') d). The column is that over the compliance 1 / k, which
+    goes with the frequency at which the link swings on the spring, on average, so it is exact once
+    both agree.
 
     How the link swings when a piece of the recording begins nothing says but what is left of that
     piece: its initial state is fitted to it, in held-out trials too, as is usual where predictions
@@ -90,7 +92,7 @@ class SeriesElasticity(LooseLink):
     parameters = named(
         compliance=Parameter("rad/Nm", "1 / k", floor=0.0),
         resonance=Parameter("Hz", "at which the limb swings on it", neutral=25.0, floor=SLOWEST),
-        damping_ratio=Parameter("1", "of that swing by its own damping", floor=0.0, ceiling=1.0),
+        damping_ratio=Parameter("1", "of that swing by its own damping", floor=0.0, ceiling=PEAKED),
         inertia_behind=SHARE,
         weight_behind=replace(SHARE, floor=LEAST_LINK),
         damping_behind=replace(SHARE, floor=LEAST_LINK),
@@ -129,7 +131,7 @@ class SeriesElasticity(LooseLink):
         # A search that ends at a bound has found no link, or none that swings.
         if theta.get(BEHIND, 1.0) < LEAST_LIMB + AT_BOUND:
             return BEHIND
-        if theta["damping_ratio"] > 1.0 - AT_BOUND:
+        if theta["damping_ratio"] > PEAKED - AT_BOUND:
             return "damping_ratio"
         if theta["resonance"] < SLOWEST + AT_BOUND:
             return "resonance"
