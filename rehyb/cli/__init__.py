@@ -4,6 +4,8 @@ Exit status: 0 done, 1 failed, 2 used wrongly, 130 interrupted.
 """
 
 import sys
+from importlib import metadata
+from typing import Annotated
 
 import typer
 
@@ -49,6 +51,24 @@ app.command()(close_loop.close_loop)
 app.command()(inspect.inspect)
 app.command()(analyses.analyse)
 app.command()(interpretation.interpret)
+
+
+def _say_version(wanted: bool) -> None:
+    """Print the version, and leave."""
+    if wanted:
+        print(f"rehyb {metadata.version('rehyb')}")
+        raise typer.Exit
+
+
+@app.callback()
+def every_command(
+    *,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Simulate, sample and rank what makes a robot's arm-stiffness measurement wrong."""
 
 
 def main() -> None:

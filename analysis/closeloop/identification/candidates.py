@@ -1,6 +1,6 @@
 """Try every effect of the catalogue beside a model: the candidates that a name is chosen from."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -312,8 +312,14 @@ def _stacked(
     return found
 
 
-def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple[Model, Score]:
-    """Refine the non-linear parameters on all fit rows, within what they can physically be."""
+def refined(
+    option: Option, rows: Rows, rounds: int = len(REFINEMENTS), *, taken: bool = False
+) -> tuple[Model, Score]:
+    """Refine the non-linear parameters on all fit rows, within what they can physically be.
+
+    Those that a limb's spring may have besides are for one that is taken: with all of them it does
+    what a load does, too.
+    """
     candidate, model, current = option.candidate, option.model, option.score
     own = next((term for term in model.terms if term.candidate == candidate), None)
     rest, theta = model.without(candidate), option.theta
@@ -322,7 +328,7 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
     if own is None or set(left_out) & set(own.kept):
         left_out = ()
     if own is not None and candidate.effect is ELASTIC and BEHIND in theta:
-        return _swung(model, current, rows, candidate, whole=rounds > COARSE)
+        return _swung(model, current, rows, candidate, FREED if taken else FREED[:1])
     for number, scale in enumerate(REFINEMENTS[:rounds], 1):
         begun = current.sse
         estimate = estimate_beside(model, np.array(current.coefficients), own)
@@ -356,16 +362,20 @@ def refined(option: Option, rows: Rows, rounds: int = len(REFINEMENTS)) -> tuple
 
 
 def _swung(
-    model: Model, current: Score, rows: Rows, candidate: Candidate, *, whole: bool
+    model: Model,
+    current: Score,
+    rows: Rows,
+    candidate: Candidate,
+    stages: Sequence[tuple[str, ...]],
 ) -> tuple[Model, Score]:
     """Refine a limb's spring: its parameters together, since one does most of what another does.
 
     Moved one by one they stopped where the compliance was two thirds of what it is (an opponent's).
     Each share that is freed has to leave less by what would change a number in a report.
     """
-    rest, last, taken = model.without(candidate), None, FREED[1]
+    rest, last, taken = model.without(candidate), None, stages[0]
     # At the end twice more what was taken: the valley is narrow.
-    for free in (*FREED, None, None) if whole else FREED[1:2]:
+    for free in (*stages, None, None):
         own = next(term for term in model.terms if term.candidate == candidate)
         names = free or taken
         begins = begins_of(own.theta, names) if free else [own.theta]

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.effects.effect import Columns, Effect, Theta
+from sim.effects.effect import Columns, Effect, Limits, Theta
 from sim.effects.hanging import hanging
 from sim.effects.motion import RecordedJoint, Spring
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, named
@@ -115,6 +115,11 @@ class SeriesElasticity(LooseLink):
         change = sum(_parts(joint, thetas, there).values()) - there
         scale = _spring(joint, joint.number, theta)
         return {number: scale * change[:, [number]] for number in joint.recording.joints}
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        # A spring that the usual effort twists further than the joint travels holds nothing.
+        usual = float(np.sqrt(np.mean(joint.effort**2)))
+        return {**super().limits(joint), "compliance": (0.0, joint.travel[1] / max(usual, 1e-300))}
 
     def beyond(
         self,

@@ -164,7 +164,7 @@ def _next_step(
         step = replace(step, taken=taken, equals=tuple(equals), before=current.loss)
     if step.taken.refused:
         return options, step
-    refitted, score = refined(step.taken, rows)
+    refitted, score = refined(step.taken, rows, taken=True)
     refitted = declared_again(refitted, rows)
     if len(refitted.effects) > 1:
         refitted, _ = _settled(refitted, rows, step.taken.candidate)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -282,6 +283,11 @@ def test_every_command_explains_itself_and_has_a_json_form(run: Run) -> None:
         status, out, _ = run(*command.split(), "--help")
         assert status == 0, command
         assert "--json" in out, command
+
+
+def test_the_version_is_said(run: Run) -> None:
+    status, out, _ = run("--version")
+    assert (status, out) == (0, f"rehyb {metadata.version('rehyb')}\n")
 
 
 def test_a_key_that_comes_twice_in_a_file_is_named(tmp_path: Path) -> None:
