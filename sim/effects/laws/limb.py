@@ -29,7 +29,7 @@ BETWEEN = {
     "angle": (-0.95, 0.95),
     "activation_time": (0.001, 0.3),
 }
-#: Time constant with which the search for a muscle begins, s.
+#: Time constant with which the search for a muscle begins, s (set on a stranger's nine reflexes).
 MUSCLE = 0.01
 #: Stages of a muscle's low-pass, one after the other.
 ORDER = 2

@@ -33,7 +33,8 @@ RESONANCES = (1.5, 1.9, 2.4, 3.0, 3.7, 4.6, 5.8, 7.2, 9.0, 11.0, 14.0, 18.0, 25.
 #: the first of them, or be quicker than the low-pass lets through.
 FADED = 0.1
 #: Non-linear parameter of what is loose at a limb: the share of the inertia, less the motor's, that
-#: hangs behind it, and the least that a limb can have.
+#: hangs behind it, and the least that a limb can have (set while looking at two of the unkind
+#: bench's limbs, tuning seeds, that had a spring too many; so were the slowest and the peak below).
 BEHIND = "inertia_behind"
 LEAST_LIMB = 0.1
 SHARE = Parameter("1", "share behind it (limb)", neutral=1.0, floor=LEAST_LIMB, ceiling=1.0)
@@ -41,7 +42,8 @@ SHARE = Parameter("1", "share behind it (limb)", neutral=1.0, floor=LEAST_LIMB, 
 #: spring: the motor's friction is before it.
 WEIGHED, DAMPED = "weight_behind", "damping_behind"
 #: Factor by which the lengths of the pendulums that device and limb are may differ, which the odds
-#: of both shares differ by; and shares that are near enough anyway.
+#: of both shares differ by (set on one of our own sessions, which 4 kept from its own shares); and
+#: shares that are near enough anyway.
 PENDULUMS, NEAR = 8.0, 0.05
 #: A weight below this share of the largest effort is none.
 LEVEL = 1e-3
