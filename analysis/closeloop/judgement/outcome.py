@@ -167,7 +167,7 @@ def _large(
         effort = MIN_EFFORT * np.sqrt(rows.effort_power(joint)) / unit
         smoothing = np.sqrt(rows.smoothing_power(joint)) / unit
         floor = lowest.get(joint)
-        # What rounding leaves goes with what it rounds.
+        # What rounding leaves goes with what it rounds. (Set on a stranger's coarse arms.)
         rounds = floor is not None and floor.source == "quantisation"
         share = (1.0 if rounds else MIN_STRUCTURE) * (floor.value if floor else 0.0)
         least = max(share, float(min(effort, smoothing)))

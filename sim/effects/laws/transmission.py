@@ -21,7 +21,8 @@ from sim.effects.parameter import (
 
 #: Periods over the travel of which a period has come back: of fewer, a smooth curve is as good.
 COMES_BACK = 2.0
-#: ... and the fewest that are looked for: a limb turns less than most robots.
+#: ... and the fewest that are looked for: a limb turns less than most robots. (Of limbs, set while
+#: looking at a stranger's eleven.)
 OF_LIMBS, OF_ROBOTS = 0.5, 1.0
 
 
