@@ -26,6 +26,8 @@ from analysis.closeloop.session.signals import (
 GAP_STEPS = 5.5
 #: Cutoff before samples are thinned to the working rate, over that.
 ALIASES = 0.4
+#: Share of measured samples around one below which nothing is known of it.
+SEEN = 0.05
 #: Shortest stretch between gaps that is analysed: s, and samples.
 MIN_STRETCH, MIN_SAMPLES = 0.5, 20
 
@@ -96,9 +98,16 @@ def effort_for_fit(piece: Stretch, sampling: Sampling) -> tuple[np.ndarray, ...]
     measured, effort, rate = piece.measured.astype(float), piece.effort, sampling.recorded
     if sampling.decimation > 1:
         narrow = ALIASES * sampling.working
-        effort = MeasuredLowpass(measured, narrow, rate)(effort)
+        whole = lowpass(effort, narrow, rate)
         if not piece.measured.all():
-            measured = np.clip(lowpass(measured, narrow, rate), 0.0, 1.0)
+            share, known = (
+                lowpass(signal, narrow, rate) for signal in (measured, effort * measured[:, None])
+            )
+            # What counts by its share has to be over that share, however small.
+            seen = share > SEEN
+            whole = np.where(seen[:, None], known / np.maximum(share, SEEN)[:, None], whole)
+            measured = np.where(seen, np.minimum(share, 1.0), 0.0)
+        effort = whole
         every = slice(None, None, sampling.decimation)
         effort, measured = effort[every], measured[every]
     low = MeasuredLowpass(measured, sampling.fit_cutoff, sampling.working)
