@@ -34,6 +34,9 @@ MIN_LATER_GAIN = 0.2
 #: than that is what smoothing, or a joint that is not quite held, does to the declared torque. What
 #: takes nearly all that is left only has to exceed what smoothing does in these trials.
 MIN_TORQUE = 0.008
+#: Times what smoothing does that a limb's effect has to do which takes much of what is left: twice
+#: as much torque.
+FAR_BEYOND = 4.0
 
 
 def least_gain(
@@ -44,7 +47,7 @@ def least_gain(
     Args:
         rows: the samples that are fitted.
         joint: its number.
-        worse: losses of blocks, (blocks,).
+        worse: losses of blocks, (blocks,), or of the joint's alone.
         better: the same under the other model.
         in_form: whether no error of smoothing can have the form of what is between the two.
     """
@@ -52,7 +55,20 @@ def least_gain(
     if in_form or takes_all(worse, better):
         # An error of smoothing has no other form that takes nearly all of it.
         return min(least, rows.smoothing_power(joint))
+    own = rows.joint_of_block == joint
+    if len(worse) == len(own):
+        worse, better = worse[own], better[own]
+    if joint in rows.recording.limbs and takes_much(worse, better):
+        # A limb's stiffness and damping take in most of what a gain or a delay does, and are wrong
+        # by it: how little they leave says nothing of how much that matters.
+        return min(least, FAR_BEYOND * rows.smoothing_power(joint))
     return least
+
+
+def takes_much(worse: np.ndarray, better: np.ndarray) -> bool:
+    """Whether much of the losses of blocks, (blocks,), is surely gone."""
+    gain, error = compare(worse, better)
+    return gain > max(MIN_Z * error, LARGE_GAIN * float(worse.sum()))
 
 
 def least_of_joints(

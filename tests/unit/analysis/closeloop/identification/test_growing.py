@@ -157,6 +157,7 @@ def test_two_effects_that_hide_each_other_are_found_together(
     monkeypatch.setattr(steps, "choose", shy)
     if not matters:
         monkeypatch.setattr(luck, "MIN_TORQUE", 2.0)
+        monkeypatch.setattr(luck, "takes_much", lambda *_: False)
     both = ["added_inertia", "viscous_friction"]
     assert names(rows, *both, "drift") == (both if matters else [])
 

@@ -44,25 +44,45 @@ def test_one_effect_alone_needs_less_than_the_best_of_many() -> None:
 
 
 @pytest.mark.parametrize(
-    ("takes", "smoothing", "worth"),
-    [(0.95, 2.0, True), (0.95, 20.0, False), (0.7, 2.0, False)],
-    ids=["nearly all", "no more than smoothing does", "a part"],
+    ("takes", "smoothing", "limbs", "worth"),
+    [
+        (0.95, 2.0, (), True),
+        (0.95, 20.0, (), False),
+        (0.7, 2.0, (), False),
+        (0.7, 2.0, (0,), True),
+        (0.7, 4.0, (0,), False),
+        (0.2, 0.1, (0,), False),
+    ],
+    ids=[
+        "nearly all",
+        "no more than smoothing does",
+        "a part",
+        "much, of a limb",
+        "hardly more than smoothing does, of a limb",
+        "little, of a limb",
+    ],
 )
-def test_little_torque_counts_if_it_takes_nearly_all_that_smoothing_does_not(
-    takes: float, smoothing: float, worth: bool
+def test_little_torque_counts_if_it_takes_nearly_all_that_smoothing_does_not_or_much_of_a_limb_s(
+    takes: float, smoothing: float, limbs: tuple[int, ...], worth: bool
 ) -> None:
-    """Of a hundredth of what otherwise matters: backlash gives little torque, in its own form."""
+    """Of a hundredth of what otherwise matters: backlash gives little torque, in its own form.
+
+    And what a gain or a delay does goes into a limb's stiffness and damping, nearly all of it: K
+    was a quarter too high (an opponent's).
+    """
     losses = np.linspace(0.5, 1.5, 12)
     rows = SimpleNamespace(
         effort_power=lambda joint: 1000.0 / MIN_TORQUE**2,
         smoothing_power=lambda joint: smoothing,
         joints=(0,),
         joint_of_block=np.zeros(12, dtype=int),
+        recording=SimpleNamespace(limbs=limbs),
         fold_of_block=np.arange(12) % 3,
     )
     score = SimpleNamespace(losses=(1.0 - takes) * losses)
     one = SimpleNamespace(joint=0, effect=SimpleNamespace(timed=False))
-    option = SimpleNamespace(gain=takes * losses.sum(), candidate=one, score=score)
+    gain = float((losses - score.losses).sum())
+    option = SimpleNamespace(gain=gain, candidate=one, score=score)
     current, model = cast(Score, SimpleNamespace(losses=losses)), cast(Model, None)
     assert _worth(cast(Option, option), model, current, cast(Rows, rows), 0.0) is worth
 
@@ -109,6 +129,7 @@ def test_jerks_of_the_size_and_at_the_times_that_a_law_says_are_no_luck(
         fold_of_block=np.arange(SECONDS) // 6,
         joints=(0,),
         joint_of_block=np.zeros(SECONDS, dtype=int),
+        recording=SimpleNamespace(limbs=()),
         parts={0: slice(0, len(left))},
     )
     worse, better = (np.bincount(block, own**2) for own in (left, noise))

@@ -68,6 +68,7 @@ def test_a_joint_speaks_against_what_joints_share_by_more_than_chance_or_by_much
     rows = SimpleNamespace(
         joints=(0, 1),
         joint_of_block=own,
+        recording=SimpleNamespace(limbs=()),
         fold_of_block=np.arange(len(own)) % 4,
         effort_power=lambda _: 1.0,
     )
@@ -87,6 +88,7 @@ def test_a_joint_that_feels_nothing_of_it_asks_for_nothing(times: float, kept: b
     rows = SimpleNamespace(
         joints=(0, 1),
         joint_of_block=own,
+        recording=SimpleNamespace(limbs=()),
         fold_of_block=np.arange(80) % 4,
         effort_power=lambda joint: 1e6 if joint == 0 else 1e12,
         smoothing_power=lambda _: 1.0,
@@ -105,6 +107,7 @@ def test_what_takes_nearly_all_that_is_left_need_not_be_much_of_the_effort(
     rows = SimpleNamespace(
         joints=(0, 1),
         joint_of_block=own,
+        recording=SimpleNamespace(limbs=()),
         fold_of_block=np.arange(80) % 4,
         effort_power=lambda _: 1e7,
         smoothing_power=lambda _: 1.0,
