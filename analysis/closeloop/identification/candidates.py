@@ -21,11 +21,13 @@ from analysis.closeloop.identification.balance.regression import (
     Variant,
     compare,
     score,
+    takes_all,
 )
 from analysis.closeloop.identification.balance.searched import searched
 from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.nameable import (
+    ONE_WAY,
     beyond_physics,
     corrects,
     drives,
@@ -129,7 +131,12 @@ def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option
             model, scored = refined(option, rows)
             gain, error = compare(current.losses, scored.losses)
             if gain > option.gain:
-                option = replace(option, model=model, score=scored, gain=gain, z=gain / error)
+                # What takes nearly all is seen, however much of it something else imitates.
+                seen = option.refused != ONE_WAY and takes_all(current.losses, scored.losses)
+                refused = "" if seen else option.refused
+                option = replace(
+                    option, model=model, score=scored, gain=gain, z=gain / error, refused=refused
+                )
         sharp.append(option)
     physical = [o for o in sharp if not beyond_physics(o.model, o.score, o.candidate)]
     return sorted(physical, key=lambda option: -option.gain)

@@ -162,7 +162,7 @@ def begins_of(theta: Theta, free: Sequence[str]) -> list[Theta]:
     sessions of our own.)
     """
     if DAMPED not in free:
-        return [{**theta, DAMPED: 1.0}]
+        return [{**theta, DAMPED: 1.0, BEHIND: share} for share in {theta[BEHIND], *BEGIN_BEHIND}]
     if theta[DAMPED] < 1.0:
         return [theta]
     return [theta, {**theta, "resonance": 0.5 * theta["resonance"], DAMPED: BEHIND_FRICTION}]

@@ -20,6 +20,9 @@ from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, named
 
 #: Samples of a flight through a gap that are computed at a time.
 FLIGHT = 64
+#: Shares of a limb's inertia with which a search begins: where the load changes sign depends on
+#: them. (Set while looking at three of an opponent's limbs.)
+BEGIN_BEHIND = (1.0, 0.6, 0.3, 0.15)
 
 
 class Backlash(LooseLink):
@@ -46,7 +49,7 @@ class Backlash(LooseLink):
             scaling=0.4,
             over_travel=True,
         ),
-        Nonlinear(BEHIND, (1.0,), scaling=0.2, step=RELATIVE),
+        Nonlinear(BEHIND, BEGIN_BEHIND, scaling=0.2, step=RELATIVE),
     )
     uses_estimate = has_to_agree = timed = at_reversals = True
 

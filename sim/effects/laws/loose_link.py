@@ -59,10 +59,11 @@ class LooseLink(Effect):
             largest = float(np.abs(joint.effort).max())
             level = np.abs(_weight(joint, joint.number)).max() < LEVEL * largest
             nothing = {WEIGHED} if level else set()
-        return [
-            {name: value for name, value in theta.items() if name not in nothing}
+        asked = (
+            tuple((name, value) for name, value in theta.items() if name not in nothing)
             for theta in super().thetas(joint)
-        ]
+        )
+        return [dict(once) for once in dict.fromkeys(asked)]
 
 
 class SeriesElasticity(LooseLink):

@@ -60,3 +60,15 @@ def test_a_gap_has_the_size_that_its_flights_say(recording: Recording) -> None:
     assert not BACKLASH.beyond(joint, theta, {0: 1.2})
     assert BACKLASH.beyond(joint, theta, {0: 3.0}) == "gap"
     assert BACKLASH.beyond(joint, theta, {0: 0.2}) == "gap"
+
+
+def test_at_a_limb_other_shares_of_its_inertia_are_tried_and_in_a_robot_all_of_it(
+    recording: Recording,
+) -> None:
+    """Where the load changes sign depends on it: of three gaps of an opponent none was found."""
+    limb, robot = (replace(recording, cache={}) for _ in range(2))
+    limb.__dict__["limbs"], robot.__dict__["limbs"] = (ELBOW,), ()
+    of_limb, of_robot = (BACKLASH.thetas(unfitted(one, ELBOW)) for one in (limb, robot))
+    assert all(theta.keys() == {"crossed"} for theta in of_robot)
+    assert {theta["inertia_behind"] for theta in of_limb} == {1.0, 0.6, 0.3, 0.15}
+    assert len(of_limb) == 4 * len(of_robot)
