@@ -29,7 +29,12 @@ from analysis.closeloop.identification.friction.excess import with_settled_exces
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
 from analysis.closeloop.identification.growing.starts import regrown
 from analysis.closeloop.identification.growing.steps import grow
-from analysis.closeloop.identification.holding import determined, held_in_octaves
+from analysis.closeloop.identification.holding import (
+    determined,
+    held_in_octaves,
+    in_plainest_form,
+    passive,
+)
 from analysis.closeloop.identification.nameable import ONE_WAY, moves_one_way
 from analysis.closeloop.identification.presliding import rubbing_anyway
 from analysis.closeloop.session.recording import Recording
@@ -76,7 +81,8 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     grown = regrown(grown, declared, rows, before, progress)
     grown = with_wound_laws(grown, rows)
     grown, refusals = held_in_octaves(grown, rows)
-    grown, unsure = determined(grown, rows)
+    grown, driving = passive(grown, rows)
+    grown, unsure = determined(in_plainest_form(grown, rows), rows)
     grown, notes = not_worse(grown, declared, rows)
     if grown.steps:
         beyond = explainable(grown.model, rows)
@@ -86,7 +92,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         score=grown.score,
         steps=grown.steps,
         explainable_after=beyond,
-        notes=(*refusals, *unsure, *notes),
+        notes=(*refusals, *driving, *unsure, *notes),
     )
     return _with_rests(_judged(found))
 
@@ -111,7 +117,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
     before = evaluate(declared, rows)
     grown, held = with_breakaway(grown, rows)
     grown, refusals = held_in_octaves(grown, rows, damped=True)
-    grown, unsure = determined(grown, rows)
+    grown, unsure = determined(in_plainest_form(grown, rows), rows)
     grown, notes = not_worse(grown, declared, rows)
     progress("what splines can explain")
     beyond = explainable_by_joint(declared, rows)

@@ -1,18 +1,25 @@
 """A name that does not hold at every frequency is the controller's answer, not the robot's."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification import holding
 from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import Score, select_rows
 from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term
 from analysis.closeloop.identification.findings import Grown, Option, Step
-from analysis.closeloop.identification.holding import determined, held_in_octaves
+from analysis.closeloop.identification.holding import (
+    determined,
+    held_in_octaves,
+    in_plainest_form,
+    passive,
+)
 from analysis.closeloop.session.recording import Recording
-from sim.effects.catalogue import BY_NAME
+from sim.effects.catalogue import BY_NAME, OF_ROBOTS
 from sim.effects.effect import Columns
 from tests.testbed.sessions.rich import ELBOW, rich_recording
 
@@ -239,3 +246,52 @@ def test_friction_whose_form_is_unsure_leaves_the_simple_one() -> None:
     found, notes = determined(Grown(model, score, (added(richer, model, score),)), rows)
     assert [step.key for step in found.steps] == [("coulomb_friction", ELBOW)]
     assert found.score.loss < 0.1 * score.loss and len(notes) == 1
+
+
+@pytest.mark.parametrize(("most", "stays"), [(-0.05, False), (0.05, True)])
+def test_a_delay_beside_which_a_limb_gives_energy_is_the_controller_s_answer(
+    most: float, stays: bool, recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tremor of 5.2 Hz was a delay of 33 ms, and the damping surely below none."""
+    late = moving(recording, (DELAY, DELAY))
+    rows = select_rows(late, (0,))
+    candidate = Candidate(effect=BY_NAME["time_delay"], joint=ELBOW)
+    model = Model(late, channels=(Channel(candidate=candidate, theta={"delay": DELAY}),))
+    score = evaluate(model, rows)
+    fits = SimpleNamespace(coefficients=[], interval=lambda found, value: (value - 0.1, most))
+    monkeypatch.setattr(holding, "leave_out", lambda *_: fits)
+    monkeypatch.setattr(holding, "_passes", lambda step, rows: True)
+    monkeypatch.setattr(holding, "impedances", lambda *_: {ELBOW: {"damping": -0.1}})
+    grown = Grown(model, score, (added(candidate, model, score),))
+    found, notes = passive(grown, rows)
+    assert bool(found.steps) is stays
+    assert ("would give energy" in " ".join(notes)) is not stays
+
+
+@pytest.mark.parametrize(
+    ("cubic", "name"), [(0.0, "joint_stiffness"), (5.0, "nonlinear_stiffness")]
+)
+def test_a_spring_is_nonlinear_only_if_a_straight_one_predicts_worse(
+    cubic: float, name: str, recording: Recording
+) -> None:
+    """What a neighbour's friction left was the cubic of a straight spring, (-0.05, 0.05)."""
+    still = moving(recording, (0.0, 0.0))
+    (effect,) = [one for one in OF_ROBOTS if one.name == "nonlinear_stiffness"]
+    spring = Candidate(effect=effect, joint=ELBOW)
+    columns = spring.effect.columns(unfitted(still, ELBOW), {"centre": 0.0})
+    sizes = np.zeros(columns[ELBOW].shape[1])
+    sizes[0], sizes[1] = cubic, 3.0
+    effort = np.array(still.effort)
+    effort[:, ELBOW] += still.filtered(columns[ELBOW] @ sizes[:, None])[:, 0]
+    sprung = replace(still, effort=effort, cache={})
+    rows = select_rows(sprung, (0,)).reweighted({ELBOW: 0.01})
+    kept = tuple(range(len(sizes)))
+    theta = {"centre": 0.0}
+    term = Term(
+        effect=spring.effect, joint=ELBOW, columns=columns, kept=kept, theta=theta, candidate=spring
+    )
+    model = Model(sprung, terms=(term,))
+    score = evaluate(model, rows)
+    found = in_plainest_form(Grown(model, score, (added(spring, model, score),)), rows)
+    assert [step.key[0] for step in found.steps] == [name]
+    assert [one.effect.name for one in found.model.effects] == [name]
