@@ -4,7 +4,7 @@ import csv
 import json
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from errno import ENOTDIR
 from pathlib import Path
@@ -18,7 +18,7 @@ from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.sticking import driven, samples_step
 from analysis.closeloop.identification.balance.trial_error import TrialError
-from analysis.closeloop.identification.findings import Carried, Event, Trace
+from analysis.closeloop.identification.findings import Carried, Event, Outcome, Trace
 from analysis.closeloop.identification.interface import beyond_interface
 from analysis.closeloop.identification.loads.carried import supposing_loads
 from analysis.closeloop.identification.loads.lone_joint import supposing_lone_loads
@@ -29,7 +29,7 @@ from analysis.closeloop.judgement.agreement import agreed
 from analysis.closeloop.judgement.events import find_events, spared
 from analysis.closeloop.judgement.identified import hidden_effects
 from analysis.closeloop.judgement.loads import unnamed_loads
-from analysis.closeloop.judgement.outcome import outcome_of
+from analysis.closeloop.judgement.outcome import outcome_of, takes_too_little
 from analysis.closeloop.judgement.structure import structures
 from analysis.closeloop.load import load_session
 from analysis.closeloop.misdeclared import doubtful_gravity
@@ -86,14 +86,20 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
         found = wound_up(found)
     found = agreed(found)
     found = replace(found, notes=(*found.notes, skewed)) if skewed else found
-    hidden = hidden_effects(*found.fits[1], found.rows)
-    outcome = outcome_of(found, events, loads, structures(found.model, found.rows), hidden)
+    outcome = _outcome(found, events, loads)
+    if why := takes_too_little(outcome):
+        outcome = _outcome(found.without_names(why), events, loads)
     return Answer(
         report=json_report(outcome),
         recording=recording,
         before=outcome.recorded.before,
         after=outcome.recorded.after,
     )
+
+
+def _outcome(found: Trace, events: Sequence[Event], loads: Sequence[Carried]) -> Outcome:
+    hidden = hidden_effects(*found.fits[1], found.rows)
+    return outcome_of(found, events, loads, structures(found.model, found.rows), hidden)
 
 
 def _events(found: Trace, recording: Recording) -> tuple[tuple[Event, ...], tuple[Carried, ...]]:

@@ -20,6 +20,7 @@ from analysis.closeloop.identification.balance.accuracy import (
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.model import evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import (
     AT_FLOOR,
@@ -42,6 +43,8 @@ MIN_STRUCTURE, MIN_EFFORT = 0.25, 0.008
 #: An oscillation counts from this share of the floor on: noise has colours. Set on one clean arm of
 #: the unkind bench (tuning seeds): a third, near half of the rate.
 MIN_LINE = 0.5
+#: Most of what is left.
+MOST = 0.5
 #: An error that is so many times the effort is no noise's: a model without torque has 1, and one
 #: that is right only adds to the noise of a joint that has hardly any effort.
 WORSE_THAN_NONE = 1.5
@@ -108,6 +111,34 @@ def verdict_of(outcome: Outcome) -> Verdict:
     if outcome.unsettled or not all(map(outcome.identified, outcome.hidden)):
         return Verdict.NOT_IDENTIFIABLE
     return Verdict.ADEQUATE
+
+
+def takes_too_little(outcome: Outcome) -> str:
+    """Return why a limb's names do not hold, if all that they do a controller's answer does, too.
+
+    To a torque that nobody knows a controller answers with one gain and one phase at each
+    frequency, which a delay and inertia imitate where it answers most (Ljung 1999, System
+    Identification, section 13.4). If they are the cause they leave noise, or else they take most of
+    what is left without them. (Set on an opponent's loose cable and voluntary torque.)
+    """
+    trace, rows = outcome.trace, outcome.trace.rows
+    found = [step.taken.candidate for step in trace.steps]
+    if trace.verdict != Verdict.EFFECT_FOUND or not all(map(_linear, found)):
+        return ""
+    joints = {candidate.joint for candidate in found}
+    if not joints or not joints <= {*rows.recording.limbs} & {*_far(outcome)}:
+        return ""
+    without = evaluate(trace.declared, rows).loss
+    if without - trace.score.loss > MOST * without:
+        return ""
+    names = ", ".join(candidate.effect.name for candidate in found)
+    return f"{names} came nearest, but left most of the residual; no name is given"
+
+
+def _linear(candidate: Candidate) -> bool:
+    """Whether an effect makes of the motion, or of the effort, what a linear filter does."""
+    effect = candidate.effect
+    return effect.channel or effect.filters or effect.adds_mass or effect.scales_effort
 
 
 def worse_than_none(outcome: Outcome) -> dict[int, tuple[float, float]]:

@@ -10,6 +10,7 @@ import pytest
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.balance.accuracy import settled
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import (
     Errors,
@@ -21,11 +22,13 @@ from analysis.closeloop.identification.findings import (
 )
 from analysis.closeloop.identification.spectrum import Peak
 from analysis.closeloop.identification.tracing import trace
+from analysis.closeloop.judgement import outcome as outcomes
 from analysis.closeloop.judgement.outcome import (
     _large,
     _unsettled,
     left_beside_events,
     left_in_band,
+    takes_too_little,
     verdict_of,
     worse_than_none,
 )
@@ -33,6 +36,7 @@ from analysis.closeloop.report.json_report import advice
 from analysis.closeloop.report.unexplained import not_settled
 from analysis.closeloop.session.contents import DeclaredEffect, Trial
 from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.coupled import NOISE, measured, moving
 
 
@@ -191,3 +195,37 @@ def test_what_predicts_worse_than_no_torque_is_told(error: float, told: bool) ->
     )
     outcome = SimpleNamespace(holdout=Errors(before=[left], after=[left]))
     assert bool(worse_than_none(cast(Outcome, outcome))) is told
+
+
+@pytest.mark.parametrize(
+    ("names", "without", "over", "told"),
+    [
+        (("time_delay", "added_inertia"), 1.5, 9.0, True),
+        (("time_delay", "added_inertia"), 3.0, 9.0, False),
+        (("time_delay", "added_inertia"), 1.5, 1.5, False),
+        (("time_delay", "coulomb_friction"), 1.5, 9.0, False),
+        ((), 1.5, 9.0, False),
+    ],
+    ids=["a little", "most", "all but noise", "friction, too", "nothing"],
+)
+def test_what_a_controller_answers_is_no_cause_where_it_takes_a_little(
+    names: tuple[str, ...],
+    without: float,
+    over: float,
+    told: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Cable jerks were a delay of 22 ms, what a limb did of itself one beside inertia."""
+    monkeypatch.setattr(outcomes, "evaluate", lambda *_: SimpleNamespace(loss=without))
+    steps = [
+        SimpleNamespace(taken=SimpleNamespace(candidate=Candidate(effect=BY_NAME[name], joint=0)))
+        for name in names
+    ]
+    rows = SimpleNamespace(recording=SimpleNamespace(limbs=(0,)))
+    score = SimpleNamespace(loss=1.0)
+    found = SimpleNamespace(
+        verdict=Verdict.EFFECT_FOUND, steps=steps, declared=None, score=score, rows=rows
+    )
+    outcome = SimpleNamespace(trace=found, left={0: 1.0}, over_floor=lambda _: over)
+    said = takes_too_little(cast(Outcome, outcome))
+    assert ("came nearest, but left most" in said) is told and bool(said) is told
