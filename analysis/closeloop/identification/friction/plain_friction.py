@@ -23,6 +23,7 @@ from analysis.closeloop.identification.balance.regression import Rows, compare
 from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.nameable import with_law
+from analysis.closeloop.identification.selection import EQUAL_SHARE
 from analysis.closeloop.identification.winding import with_winding
 from sim.effects.catalogue import BY_NAME
 from sim.effects.effect import Effect, Theta
@@ -75,8 +76,10 @@ def _without_twice(model: Model, candidate: Candidate, rows: Rows) -> Model:
             continue
         bare = model.without(candidate).without(other)
         alone = _alike(bare, candidate, _theta(model, candidate), rows)
-        lost, error = compare(evaluate(alone, rows).losses, evaluate(model, rows).losses)
-        model = model if lost > error else alone
+        without, worse, better = (evaluate(m, rows) for m in (bare, alone, model))
+        lost, error = compare(worse.losses, better.losses)
+        # They part only where the joint turns, and there friction has any value between its levels.
+        model = model if lost > max(error, EQUAL_SHARE * (without.loss - better.loss)) else alone
     return model
 
 

@@ -63,13 +63,20 @@ def with_each(model: Model, rows: Rows, *names: str) -> Model:
     return model
 
 
-@pytest.mark.parametrize("other", ["torque_offset", "viscous_friction"])
-def test_levels_and_slopes_that_differ_are_no_offset_or_damping_besides(other: str) -> None:
+@pytest.mark.parametrize(
+    ("other", "held"),
+    [("torque_offset", 0.0), ("viscous_friction", 0.0), ("torque_offset", 0.1)],
+    ids=["an offset", "damping", "what the joint has where it turns, too"],
+)
+def test_levels_and_slopes_that_differ_are_no_offset_or_damping_besides(
+    other: str, held: float
+) -> None:
+    """Equal levels and an offset stood for two, since an opponent's joint stuck as it turned."""
     robot = moving()
     velocity = robot.velocity[:, JOINT]
     effort = np.array(robot.inverse)
-    level = np.where(velocity > 0, 0.5, -0.3)
-    effort[:, JOINT] += level * np.tanh(np.abs(velocity) / 0.01)
+    level = np.where(velocity > 0, 0.5 - held, -0.3 - held)
+    effort[:, JOINT] += held + level * np.tanh(np.abs(velocity) / 0.01)
     effort[:, JOINT] += np.where(velocity > 0, 0.35, 0.15) * velocity
     loud = measured(robot, effort)
     rows = select_rows(loud, (0,))
