@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from sim.effects.effect import Theta
+from sim.effects.effect import Columns, Theta
 from sim.effects.functions import Signal, choose, magnitude
 from sim.effects.laws.friction import COARSE, EXPONENT, POWER, SPEED, Friction, lost, slowness
 from sim.effects.motion import Motion, RecordedJoint
@@ -62,6 +62,23 @@ class LoadDependent(Loaded):
     )
     coefficients = ("torque", "load_share")
     nonlinear = (COARSE, Nonlinear("load", (0, 1, 2)))
+    leaves_out = (
+        "friction that goes with the motor's torque instead of the joint's, or the other way"
+    )
+
+    def unsaid(self, joint: RecordedJoint, theta: Theta, coefficients: np.ndarray) -> Columns:
+        """Return by how much friction differs if it goes with the other torque of the two.
+
+        A motor that carries u has |u| - |u - F| more of a load than its joint, the friction F where
+        it drives and less of it where it is driven. While both move that is a stiffness, too: the
+        square of the share, 4 % of K for a fifth (an opponent's limbs).
+        """
+        if len(coefficients) < len(self.coefficients):
+            return {}
+        effort = np.nan_to_num(joint.recording.effort[:, joint.number])
+        torque, own = (float(size) for size in coefficients)
+        further = own * (torque * np.sign(effort) + own * effort)
+        return {joint.number: further[:, None]}
 
     def level(self, parameters: Values, motion: Motion) -> Signal:
         return parameters["torque"] + parameters["load_share"] * magnitude(motion.load)

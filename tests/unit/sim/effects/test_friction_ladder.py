@@ -81,3 +81,20 @@ def test_a_stribeck_speed_is_looked_for_wherever_a_joint_slides(recording: Recor
     begun = {theta["speed"] for theta in stribeck.thetas(unfitted(recording, ELBOW))}
     for speed in np.geomspace(REST_SHARE, 0.4, 30):
         assert min(abs(np.log2(speed / own)) for own in begun) < 2 / 3
+
+
+def test_whose_torque_friction_goes_with_is_a_part_of_stiffness(recording: Recording) -> None:
+    """Of a fifth of the motor's torque K was 4 % too high, by the joint's, and sure of it."""
+    law, torque_alone, share = BY_NAME["load_dependent_friction"], 0.1, 0.2
+    effort = np.array(recording.effort)
+    effort[:, ELBOW] = np.linspace(-3.0, 3.0, len(effort))
+    joint = unfitted(replace(recording, effort=effort, cache={}), ELBOW)
+    sizes = np.array([torque_alone, share])
+    further = law.unsaid(joint, {"smooth": 0.02, "load": 1}, sizes)[ELBOW][:, 0]
+    motor = effort[:, ELBOW]
+    for direction in (-1.0, 1.0):
+        of_motor = (torque_alone + share * np.abs(motor)) * direction
+        of_joint = (torque_alone + share * np.abs(motor - of_motor)) * direction
+        carries = np.abs(motor) > 0.5
+        assert (of_motor - of_joint)[carries] == pytest.approx(further[carries], abs=1e-12)
+    assert law.unsaid(joint, {"smooth": 0.02, "load": 1}, sizes[:1]) == {}
