@@ -28,6 +28,8 @@ MIN_SAMPLES = 50
 MOST_LEFT_OUT = 0.01
 #: Larger than seconds since 1970 and any torque or force.
 MAX_VALUE = 1e12
+#: By so much (s) may `from` and `to` lie outside of a file without a word.
+SURPLUS = 1.0
 #: `from` and `to` of a trial that is all of its file.
 WHOLE = (-np.inf, np.inf)
 
@@ -63,6 +65,7 @@ def read_trial(
     if trial.span != WHOLE:
         clock = table[:, names.index(TIME)]
         within = (trial.span[0] <= clock) & (clock <= trial.span[1])
+        repairs = [*repairs, *_beyond(trial, clock)]
         table, lines = table[within], lines[within]
     _check_values(table, names, lines, trial.file)
     once = _first_of_each(table, lines, trial.file, repairs)
@@ -74,6 +77,19 @@ def read_trial(
         raise SessionError(why, file=trial.file, line=end)
     columns = {name: table[:, i] for i, name in enumerate(names) if name != TIME}
     return replace(trial, time=table[:, names.index(TIME)], columns=columns, repairs=tuple(repairs))
+
+
+def _beyond(trial: Trial, clock: np.ndarray) -> list[str]:
+    """Say if a trial is to last from before its file begins, or until after it ends."""
+    known = clock[np.isfinite(clock)]
+    first, last = (known.min(), known.max()) if len(known) else WHOLE
+    low, high = trial.span
+    said = []
+    if first - low > SURPLUS and np.isfinite(low):
+        said.append(f"from is {low:g} s, and the file begins at {first:g} s: is it meant?")
+    if high - last > SURPLUS and np.isfinite(high):
+        said.append(f"to is {high:g} s, and the file ends at {last:g} s: is it meant?")
+    return said
 
 
 def _between(trial: Trial) -> str:
@@ -91,7 +107,7 @@ def _own_table(
         names = [name.strip() for name in next(csv.reader([header]), [])]
     except csv.Error as error:
         raise SessionError(f"has no header of a CSV file: {error}", file=file, line=1) from None
-    if len(names) == 1 and (";" in header or "\t" in header):
+    if TIME not in names and (";" in header or "\t" in header):
         why = (
             "separate columns by commas and decimals by points, or name the separator in columns "
             "of session.json; decimals need a point there, too"

@@ -93,6 +93,21 @@ def test_an_effort_lost_by_a_slip_of_the_pen_is_told(folder: Path) -> None:
     )
 
 
+def test_a_file_with_semicolons_and_decimal_commas_is_told_what_is_asked_for(folder: Path) -> None:
+    path = folder / "a.csv"
+    path.write_text(path.read_text().replace(",", ";").replace(".", ","))
+    with pytest.raises(SessionError, match="separate columns by commas and decimals by points"):
+        load_session(folder)
+
+
+def test_a_part_that_goes_beyond_its_file_is_told(folder: Path) -> None:
+    words(trials=[{"file": "a.csv", "from": -5.0, "to": 900.0}])(folder)
+    (trial,) = load_session(folder).session.trials
+    began, ended = [one for one in trial.repairs if "is it meant?" in one]
+    assert began.startswith("from is -5 s, and the file begins at 0 s")
+    assert ended.startswith("to is 900 s, and the file ends at ")
+
+
 def test_files_saved_with_a_byte_order_mark_are_read(folder: Path) -> None:
     for path in folder.iterdir():
         path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
