@@ -35,7 +35,7 @@ MIN_LATER_GAIN = 0.2
 #: takes nearly all that is left only has to exceed what smoothing does in these trials.
 MIN_TORQUE = 0.008
 #: Times what smoothing does that a limb's effect has to do which takes much of what is left: twice
-#: as much torque.
+#: as much torque. (Set, as that a quarter is much, while looking at seven of two opponents' limbs.)
 FAR_BEYOND = 4.0
 
 
