@@ -222,3 +222,11 @@ def _follow(
         applied[own] = torque if beyond is None else torque + beyond(data.time, there, going)
         mujoco.mj_step(model, data)
     return position, effort
+
+
+def change_efforts(folder: Path, edit: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Change the efforts, (n,), of every trial of a session of one joint."""
+    for path in sorted(folder.glob("*.csv")):
+        header, table = path.read_text().split("\n")[0], np.loadtxt(path, delimiter=",", skiprows=1)
+        table[:, 2] = edit(table[:, 2])
+        np.savetxt(path, table, delimiter=",", header=header, comments="")

@@ -79,6 +79,7 @@ def _without_twice(model: Model, candidate: Candidate, rows: Rows) -> Model:
         without, worse, better = (evaluate(m, rows) for m in (bare, alone, model))
         lost, error = compare(worse.losses, better.losses)
         # They part only where the joint turns, and there friction has any value between its levels.
+        # (The share is that of equals; taken here while looking at one of an opponent's joints.)
         model = model if lost > max(error, EQUAL_SHARE * (without.loss - better.loss)) else alone
     return model
 

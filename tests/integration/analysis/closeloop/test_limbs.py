@@ -11,7 +11,14 @@ import pytest
 
 from analysis.closeloop.loop import analyse
 from sim.effects.laws.transmission import Hysteresis
-from tests.testbed.sessions.plants import LIMB, STEP, Beyond, Plant, write_recordings
+from tests.testbed.sessions.plants import (
+    LIMB,
+    STEP,
+    Beyond,
+    Plant,
+    change_efforts,
+    write_recordings,
+)
 
 STIFFNESS, DAMPING = 4.0, 0.3
 #: The limb as it is in the true model.
@@ -228,11 +235,7 @@ def test_steps_of_a_coarse_effort_are_no_pushes(tmp_path: Path) -> None:
     session = json.loads((tmp_path / "session.json").read_text())
     session["declared_effects"] = [{"effect": "viscoelastic_joint", "joint": "elbow"}]
     (tmp_path / "session.json").write_text(json.dumps(session))
-    for trial in session["trials"]:
-        path = tmp_path / trial["file"]
-        header, table = path.read_text().split("\n")[0], np.loadtxt(path, delimiter=",", skiprows=1)
-        table[:, 2] = 0.4 * np.round(table[:, 2] / 0.4)
-        np.savetxt(path, table, delimiter=",", header=header, comments="")
+    change_efforts(tmp_path, lambda effort: 0.4 * np.round(effort / 0.4))
     report = analyse(tmp_path).report
     assert report["verdict"] in ("adequate", "not_identifiable")
     assert report["effects"] == [] and not report["unexplained"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.loop import analyse
-from tests.testbed.sessions.plants import LIMB, write_recordings
+from tests.testbed.sessions.plants import LIMB, change_efforts, write_recordings
 
 STIFFNESS, DAMPING = 25.0, 0.3
 ATTRIBUTES = 'armature="0.02" frictionloss="0"'
@@ -33,11 +33,7 @@ def answered(folder: Path, edit: Callable[[np.ndarray], np.ndarray]) -> dict[str
     session = json.loads((folder / "session.json").read_text())
     session["declared_effects"] = [{"effect": "viscoelastic_joint", "joint": "elbow"}]
     (folder / "session.json").write_text(json.dumps(session))
-    for trial in session["trials"]:
-        path = folder / trial["file"]
-        header, table = path.read_text().split("\n")[0], np.loadtxt(path, delimiter=",", skiprows=1)
-        table[:, 2] = edit(table[:, 2])
-        np.savetxt(path, table, delimiter=",", header=header, comments="")
+    change_efforts(folder, edit)
     return analyse(folder).report
 
 
