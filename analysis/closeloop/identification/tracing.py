@@ -27,6 +27,7 @@ from analysis.closeloop.identification.friction.at_turns import with_peak_at_tur
 from analysis.closeloop.identification.friction.breakaway import with_breakaway
 from analysis.closeloop.identification.friction.excess import with_settled_excess
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
+from analysis.closeloop.identification.growing.slid import grown_slid
 from analysis.closeloop.identification.growing.starts import regrown
 from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.identification.holding import (
@@ -79,11 +80,20 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
             notes=(taken.refused,),
         )
     grown = regrown(grown, declared, rows, before, progress)
+    grown, rows = grown_slid(grown, declared, rows, progress)
     grown = with_wound_laws(grown, rows)
     grown, refusals = held_in_octaves(grown, rows)
     grown, driving = passive(grown, rows)
     grown, unsure = determined(in_plainest_form(grown, rows), rows)
     grown, notes = not_worse(grown, declared, rows)
+    if rows is not found.rows:
+        beyond = explainable(declared, rows)
+        found = replace(
+            found,
+            rows=rows,
+            declared_score=evaluate(declared, rows),
+            explainable_before=beyond,
+        )
     if grown.steps:
         beyond = explainable(grown.model, rows)
     found = replace(
