@@ -29,6 +29,7 @@ EFFECTS: tuple[Effect, ...] = (
     drive.TimeDelay(),
     drive.ActuatorLag(),
     elastic.JointStiffness(),
+    limb.StressRelaxation(),
     inertia.Payload(),
     load_friction.LoadDependent(),
     elastic.NonlinearStiffness(),

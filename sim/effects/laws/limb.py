@@ -1,4 +1,4 @@
-"""What a living limb adds: reflexes, and stiffness after rest.
+"""What a living limb adds: reflexes, stiffness after rest, and stress that relaxes.
 
 Stretch reflex after Lance 1980 and the threshold models of Koo and Mak 2006, its latency after
 Pruszynski and Scott 2012 (Optimal feedback control and the long-latency stretch response);
@@ -8,7 +8,7 @@ builds after Moore 1959 and Lakie and Robson 1988.
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -186,7 +186,7 @@ class Thixotropy(AppliedEffect):
         torque=Parameter("Nm", "that a long rest adds to that of moving", floor=0.0),
         torque_moving=Parameter("Nm", "that moving does not take away", floor=0.0),
         elastic_range=Parameter("rad", "over which it resists as a spring", floor=0.0),
-        exponent=EXPONENT,
+        exponent=replace(EXPONENT, description="as of hysteresis"),
         recovery=Parameter("s", "time in which rest builds it", floor=0.0),
         distance=Parameter("rad", "of motion over which it is lost", floor=0.0),
     )
@@ -237,8 +237,8 @@ class ThixotropicStiffness(AppliedEffect):
     signature = "the slope against position is steep after a rest and falls as the joint moves"
     separating_trial = "move to and fro without a pause, then after rests of one, three and ten s"
     parameters = named(
-        stiffness=Parameter("Nm/rad", "of the spring after a long rest", floor=0.0),
-        torque_at_zero=Parameter("Nm", "what the motor adds at position 0 after a long rest"),
+        stiffness=Parameter("Nm/rad", "after a long rest", floor=0.0),
+        torque_at_zero=Parameter("Nm", "what the motor adds at position 0 then"),
         recovery=Parameter("s", "time in which rest builds it", floor=0.0),
         distance=Parameter("rad", "of motion over which it is lost", floor=0.0),
     )
@@ -264,6 +264,65 @@ class ThixotropicStiffness(AppliedEffect):
             state = structure.stepped(state, step, abs(float(motion.velocity)) * step)
             spring = parameters["stiffness"] * float(motion.position)
             return left * (spring + parameters["torque_at_zero"])
+
+        return torque
+
+
+class StressRelaxation(AppliedEffect):
+    """A further spring whose torque is lost in time: a Maxwell element beside the declared ones.
+
+    With those it is the standard linear solid of soft tissue (Fung 1993, Biomechanics: Mechanical
+    Properties of Living Tissues, section 2.11): stiffer when fast, and after a step its torque
+    falls to that of the declared spring. A trial begins relaxed.
+    """
+
+    limb = filters = True
+    name = "stress_relaxation"
+    complexity = 2
+    signature = "after a movement the torque falls with time, on either side"
+    separating_trial = "step to three angles and hold each for twenty seconds"
+    parameters = named(
+        stiffness=Parameter("Nm/rad", "of what relaxes", floor=0.0),
+        relaxation_time=Parameter("s", "in which 63 % is lost", floor=0.0),
+    )
+    coefficients = ("stiffness",)
+    lower = (0.0,)
+    nonlinear = (
+        Nonlinear("relaxation_time", (0.1, 0.3, 1.0, 3.0, 10.0), scaling=0.4, step=RELATIVE),
+    )
+
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        stretch = joint.position - self._relaxed(joint, theta["relaxation_time"])
+        return {joint.number: stretch[:, None]}
+
+    def _relaxed(self, joint: RecordedJoint, time: float) -> np.ndarray:
+        """Return the angle at which it has no torque, (n,), as `Structure.along` goes over gaps."""
+        recording, place = joint.recording, joint.position
+        found = recording.lagged(place, time)
+        last = None
+        for piece in recording.slices:
+            first = piece.start
+            if last is not None and recording.trial[last] == recording.trial[first]:
+                gap = float(recording.time[first] - recording.time[last])
+                behind = time * float(place[first] - place[last]) / gap
+                left = float(found[last] - place[last]) + behind
+                late = left * np.exp(-gap / time) - behind
+                since = recording.time[piece] - recording.time[first]
+                found[piece] += late * np.exp(-since / time)
+            last = piece.stop - 1
+        return found
+
+    def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
+        kept = np.exp(-step / parameters["relaxation_time"])
+        relaxed = np.nan
+
+        def torque(motion: Motion) -> float:
+            nonlocal relaxed
+            place = float(motion.position)
+            relaxed = place if np.isnan(relaxed) else relaxed
+            stretch = place - relaxed
+            relaxed = place - kept * stretch
+            return parameters["stiffness"] * stretch
 
         return torque
 

@@ -62,6 +62,7 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
         {"elastic_range": 0.08, "exponent": 0.0, "recovery": 0.4, "distance": 0.4},
         (1.5, 0.3),
     ),
+    "stress_relaxation": ({"relaxation_time": 0.3}, (3.0,)),
     "thixotropic_stiffness": ({"recovery": 1.5, "distance": 0.5}, (3.0, -2.5)),
     "drift": ({"level_off": 0.6}, (0.3, 0.5)),
     "coupled_motor": ({"other_dof": 0.0, "sense": 1.0, "smooth": 0.004}, (0.9, 0.4, 0.0)),

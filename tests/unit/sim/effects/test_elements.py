@@ -31,6 +31,7 @@ PARAMETERS: dict[str, dict[str, float]] = {
     "thixotropic_stiffness": {
         "stiffness": 3.0, "torque_at_zero": -1.5, "recovery": 1.5, "distance": 0.5,
     },
+    "stress_relaxation": {"stiffness": 3.0, "relaxation_time": 1.0},
     "drift": {"rate": 0.1, "time_constant": 100.0, "torque_at_start": 0.4},
     "coupled_motor": {
         "torque": 0.5, "damping": 0.2, "inertia": 0.0, "other_dof": 0.0, "sense": -1.0,
@@ -136,6 +137,7 @@ def test_a_late_actuator_is_late(name: str) -> None:
         ("stretch_reflex", 0.0, -1.2, 0.0),
         ("thixotropy", 0.0, 1.0, -1.0),
         ("thixotropic_stiffness", 1.2, 0.0, -2.1),
+        ("stress_relaxation", 1.2, 0.0, 0.0),
         ("drift", 0.0, 0.0, -0.4),
         ("cross_joint_coupling", 0.0, 0.0, 0.6),
         ("coupled_motor", 0.0, 2.0, -(0.5 + 0.2 * 2.0)),

@@ -71,6 +71,7 @@ def test_an_industrial_robot_has_no_reflex(recording: Recording) -> None:
         "stretch_reflex",
         "thixotropy",
         "thixotropic_stiffness",
+        "stress_relaxation",
         "end_range_torque",
         "nonlinear_stiffness",
         "gravity_torque",
