@@ -13,8 +13,8 @@ from analysis.closeloop.identification.candidates import candidates, options_bes
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import RecordedJoint
+from tests.testbed.sessions.rests import with_rests
 from tests.testbed.sessions.rich import ELBOW
-from tests.unit.sim.effects.test_thixotropy import RATE, with_rests
 
 RELAXATION = BY_NAME["stress_relaxation"]
 
