@@ -19,6 +19,7 @@ from analysis.closeloop.identification.balance.model import Model, estimate_of, 
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.candidates import candidates, has_ground
 from analysis.closeloop.identification.findings import Hidden
+from analysis.closeloop.identification.growing.freed import freed
 from sim.effects.effect import Columns, Effect
 from sim.effects.laws.elastic import Viscoelastic
 from sim.effects.motion import RecordedJoint
@@ -53,6 +54,8 @@ def hidden_effects(
     known = {candidate.key for candidate in model.effects}
     ground = known | {term.at.key for term in model.terms if term.effect is not None}
     estimate = estimate_of(model, coefficients)
+    # Of what was found another form may make room for it: a softer cuff for a gain. (An opponent's.)
+    free = freed(model, coefficients, rows)
     found: dict[int, list[Hidden]] = {joint: [] for joint in limbs}
     for candidate in candidates(model.recording):
         effect, joint = candidate.effect, candidate.joint
@@ -68,7 +71,7 @@ def hidden_effects(
             continue
         recorded = RecordedJoint(model.recording, joint, estimate)
         reaches = [
-            _reach(model, rows, stiffness, effect, columns)
+            _reach(free, rows, stiffness, effect, columns)
             for columns in _variants(effect, recorded)
             if columns
         ]
@@ -102,7 +105,7 @@ def _reach(
     """Return how far an effect could move a joint's stiffness and not be seen, Nm/rad or N/m.
 
     Args:
-        model: the effect is not in it.
+        model: the effect is not in it; what is may change its form.
         rows: the samples that were fitted.
         stiffness: where it is among the model's coefficients, and its value.
         effect: in question.

@@ -8,16 +8,18 @@ once more when it is there (backfitting; Friedman and Stuetzle 1981, Projection 
 
 from dataclasses import replace
 
+import numpy as np
+
 from analysis.closeloop.identification.balance.model import Model, with_independent
-from analysis.closeloop.identification.balance.regression import Rows, Score
+from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.terms import Term
 from analysis.closeloop.identification.balance.uncertainty import slopes_of
 
 
-def freed(model: Model, score: Score, rows: Rows) -> Model:
+def freed(model: Model, coefficients: np.ndarray, rows: Rows) -> Model:
     """Return the model with the non-linear parameters of its effects free to first order."""
     found = model
-    for part, _, slope in slopes_of(model, score.coefficients):
+    for part, _, slope in slopes_of(model, coefficients):
         if part.candidate is None:
             # Of declared effects they are chosen again (`declared_again`).
             continue

@@ -149,7 +149,7 @@ def _next_step(
         least: share of the held-out loss that an effect has to take away.
         of_form: what takes away less has to be more than an error of form of what is there.
     """
-    beside = freed(model, current, rows)
+    beside = freed(model, current.coefficients, rows)
     score = current if beside is model else evaluate(beside, rows)
     options = options_beside(beside, rows, score, tried)
     if lines := shaken(model, current, rows):

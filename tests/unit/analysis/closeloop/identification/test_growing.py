@@ -84,7 +84,7 @@ def test_what_is_free_while_another_is_tried_is_held_again(elbow: Recording) -> 
     rows = rows_with(elbow, load)
     model = Model(rows.recording, terms=(term(rows, "payload", {"distance": 1.2}),))
     score = evaluate(model, rows)
-    loose = freed(model, score, rows)
+    loose = freed(model, score.coefficients, rows)
     # Mass and place are all that such a load has: the slope over its place makes up for it.
     assert evaluate(loose, rows).sse < 0.05 * score.sse
     assert held(loose, model) == model
