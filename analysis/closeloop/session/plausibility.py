@@ -109,14 +109,6 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
     Raises:
         SessionError: names file, column and line.
     """
-    highest = 0.5 / float(np.median(np.diff(trial.time)))
-    # A clock is written with some digits only.
-    if trial.effort_filter_hz is not None and trial.effort_filter_hz > (1.0 - 1e-4) * highest:
-        why = (
-            f"effort_filter_hz, {trial.effort_filter_hz:g} Hz, is not below {highest:.4g} Hz, half "
-            "of the rate; samples hold nothing of such a filter: leave it out"
-        )
-        raise SessionError(why, file=trial.file)
     moving = []
     for joint in device.recorded_joints:
         position = trial.columns[f"{joint}.position"]

@@ -116,7 +116,7 @@ class Recording:
         found = np.array(self.effort if self.unfiltered is None else self.unfiltered)
         for piece in self.slices:
             hertz = self.session.trials[self.trial_of(piece)].effort_filter_hz
-            if hertz is not None and hertz < 0.4 * self.rate:
+            if hertz is not None:
                 found[piece] = before_lag(found[piece], 1.0 / (2 * np.pi * hertz), self.rate)
         return found
 

@@ -350,6 +350,6 @@ def _known_filter(recording: Recording, column: np.ndarray) -> np.ndarray:
     out = np.array(column)
     for piece in recording.slices:
         cutoff = trials.get(recording.trial_of(piece))
-        if cutoff is not None and cutoff < 0.4 * recording.rate:
+        if cutoff is not None:
             out[piece] = lagged(column[piece], 1.0 / (2 * np.pi * cutoff), recording.rate)
     return out

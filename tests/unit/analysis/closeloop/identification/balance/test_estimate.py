@@ -40,3 +40,15 @@ def test_what_a_motor_carries_is_not_late_though_its_effort_is_reported_late(
     plain = estimate_of(Model(recording), np.empty(0))
     np.testing.assert_allclose(found.carried, plain.carried)
     assert not np.allclose(found.prediction[:, ELBOW], plain.prediction[:, ELBOW], atol=0.1)
+
+
+def test_a_declared_low_pass_above_half_of_the_rate_is_late_all_the_same(
+    recording: Recording,
+) -> None:
+    """Of a drive that logs more slowly than it filters: it was refused (an opponent's)."""
+    trials = tuple(replace(trial, effort_filter_hz=150.0) for trial in recording.session.trials)
+    session = replace(recording.session, trials=trials)
+    model = Model(replace(recording, session=session, cache={}))
+    ramp = {ELBOW: recording.time[:, None]}
+    late = recording.time - model.transformed(ramp)[ELBOW][:, 0]
+    np.testing.assert_allclose(late[10:], 1.0 / (2 * np.pi * 150.0), rtol=1e-6)
