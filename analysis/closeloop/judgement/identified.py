@@ -54,7 +54,7 @@ def hidden_effects(
     known = {candidate.key for candidate in model.effects}
     ground = known | {term.at.key for term in model.terms if term.effect is not None}
     estimate = estimate_of(model, coefficients)
-    # Of what was found another form may make room for it: a softer cuff for a gain. (An opponent's.)
+    # What was found may make room for it by another form: a softer cuff for a gain. (Opponent.)
     free = freed(model, coefficients, rows)
     found: dict[int, list[Hidden]] = {joint: [] for joint in limbs}
     for candidate in candidates(model.recording):
