@@ -22,7 +22,13 @@ GROUPS = (
     FRICTION,
     ("torque_gain", "payload", "added_inertia"),
     ("time_delay", "actuator_lag", "series_elasticity", "backlash"),
-    ("nonlinear_stiffness", "end_range_torque", "hysteresis", "thixotropic_stiffness"),
+    (
+        "nonlinear_stiffness",
+        "end_range_torque",
+        "hysteresis",
+        "thixotropic_stiffness",
+        "stress_relaxation",
+    ),
     ("torque_offset", "drift"),
 )
 ELBOW = (
@@ -41,6 +47,7 @@ ELBOW = (
     "hysteresis",
     "stretch_reflex",
     "thixotropic_stiffness",
+    "stress_relaxation",
     "drift",
     "cross_joint_coupling",
 )
@@ -92,6 +99,7 @@ SCALED = {
     "hysteresis": ("torque",),
     "stretch_reflex": ("gain",),
     "thixotropic_stiffness": ("stiffness",),
+    "stress_relaxation": ("stiffness",),
     "drift": ("torque",),
     "cross_joint_coupling": ("stiffness",),
     "tremor": ("torque",),
@@ -192,6 +200,7 @@ def draw_fault(name: str, joint: str, robot: Robot, rng: np.random.Generator) ->
             "recovery": u(0.8, 3.0),
             "distance": u(0.1, 0.4),
         },
+        "stress_relaxation": lambda: {"stiffness": 1.0, "seconds": u(0.2, 3.0)},
         "drift": lambda: {"torque": sign(rng), "bend": float(rng.choice([0.0, u(1.0, 3.0)]))},
         "cross_joint_coupling": lambda: {"stiffness": sign(rng), "neutral": 0.0},
         "tremor": lambda: {"torque": 1.0, "hertz": u(3.5, 9.0), "wobble": u(0.3, 1.0)},

@@ -66,6 +66,7 @@ class Law:
         self.start, self.duration = start, max(duration, 1.0)
         self.state = 1.0 if fault.name == "thixotropic_stiffness" else 0.0
         delay = fault.values.get("delay", 0.0)
+        self.relaxed: float | None = None
         self.past: deque[float] = deque([0.0] * max(1, round(delay / step)))
         self.bristles = Bristles(fault.values.get("distance", 1.0))
         self.table = _outside(fault, rng, step)
@@ -99,6 +100,8 @@ class Law:
                 return -value("side") * value("gain") * max(0.0, late - value("threshold"))
             case "thixotropic_stiffness":
                 return self._thixotropy(q, v)
+            case "stress_relaxation":
+                return self._relaxation(q)
             case "drift":
                 x = (self.start + k * self.step) / self.duration
                 bend = value("bend")
@@ -119,6 +122,13 @@ class Law:
             if far > 0
             else 0.0
         )
+
+    def _relaxation(self, q: float) -> float:
+        """A spring that hangs on a dashpot (Fung 1993)."""
+        self.relaxed = q if self.relaxed is None else self.relaxed
+        torque = -self.fault.value("stiffness") * (q - self.relaxed)
+        self.relaxed += self.step * (q - self.relaxed) / self.fault.value("seconds")
+        return torque
 
     def _thixotropy(self, q: float, v: float) -> float:
         """Stiffness that rest builds up and movement takes away (Lakie and Robson 1988).

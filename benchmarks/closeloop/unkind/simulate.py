@@ -19,6 +19,7 @@ FINE_STEP = 0.001
 #: Faults that act on the link rather than on the motor.
 OF_LIMB = (
     "nonlinear_stiffness", "end_range_torque", "hysteresis", "thixotropic_stiffness",
+    "stress_relaxation",
     "stretch_reflex", *OUTSIDE,
 )  # fmt: skip
 
