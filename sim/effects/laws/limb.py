@@ -33,6 +33,9 @@ BETWEEN = {
 MUSCLE = 0.01
 #: Stages of a muscle's low-pass, one after the other.
 ORDER = 2
+#: Least time constant of tissue, s: up to 3 Hz, where limbs are moved, a faster Maxwell element is
+#: damping and inertia. (Set on a limb of an opponent's, with 0.02 s for friction of another form.)
+FASTEST = 0.05
 #: Beyond any angle: the reflex has no threshold angle.
 NO_ANGLE = -100.0
 
@@ -283,7 +286,7 @@ class StressRelaxation(AppliedEffect):
     separating_trial = "step to three angles and hold each for twenty seconds"
     parameters = named(
         stiffness=Parameter("Nm/rad", "of what relaxes", floor=0.0),
-        relaxation_time=Parameter("s", "in which 63 % is lost", floor=0.0),
+        relaxation_time=Parameter("s", "in which 63 % is lost", floor=FASTEST),
     )
     coefficients = ("stiffness",)
     lower = (0.0,)
