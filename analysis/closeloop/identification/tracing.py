@@ -21,6 +21,7 @@ from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN,
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.sticking import sliding_anyway
+from analysis.closeloop.identification.candidates import candidates
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Grown, Option, Step, Trace
 from analysis.closeloop.identification.friction.at_turns import with_peak_at_turns
@@ -81,11 +82,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         )
     grown = regrown(grown, declared, rows, before, progress)
     grown, rows = grown_slid(grown, declared, rows, progress)
-    grown = with_wound_laws(grown, rows)
-    grown, refusals = held_in_octaves(grown, rows)
-    grown, driving = passive(grown, rows)
-    grown, unsure = determined(in_plainest_form(grown, rows), rows)
-    grown, notes = not_worse(grown, declared, rows)
+    grown, notes = _stands(grown, declared, rows, progress)
     if rows is not found.rows:
         beyond = explainable(declared, rows)
         found = replace(
@@ -102,9 +99,40 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
         score=grown.score,
         steps=grown.steps,
         explainable_after=beyond,
-        notes=(*refusals, *driving, *unsure, *notes),
+        notes=notes,
     )
     return _with_rests(_judged(found))
+
+
+def _stands(
+    grown: Grown, declared: Model, rows: Rows, progress: Callable[[str], None]
+) -> tuple[Grown, tuple[str, ...]]:
+    """Take out what does not stand, and look once for others if nothing does.
+
+    What was taken first may have stood for the pair that is missing. (A cuff's spring beside an end
+    of range: an opponent's.)
+    """
+    held, notes = _held(grown, declared, rows)
+    if held.steps or not grown.steps:
+        return held, notes
+    fallen = {step.key for step in grown.steps}
+    tried = [one for one in candidates(rows.recording) if one.key not in fallen]
+    bare = Grown(held.model, held.score)
+    again, refused = grow(bare, rows, held.score, progress, tried)
+    if refused is not None or not again.steps:
+        return held, notes
+    again, further = _held(again, declared, rows)
+    return again, notes + further
+
+
+def _held(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
+    """Take out what does not stand, and say why."""
+    grown = with_wound_laws(grown, rows)
+    grown, refusals = held_in_octaves(grown, rows)
+    grown, driving = passive(grown, rows)
+    grown, unsure = determined(in_plainest_form(grown, rows), rows)
+    grown, notes = not_worse(grown, declared, rows)
+    return grown, (*refusals, *driving, *unsure, *notes)
 
 
 def _sliding(declared: Model, rows: Rows) -> Rows:
