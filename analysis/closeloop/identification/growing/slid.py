@@ -10,6 +10,7 @@ from collections.abc import Callable
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.sticking import sliding_anyway
+from analysis.closeloop.identification.candidates import candidates
 from analysis.closeloop.identification.findings import Grown
 from analysis.closeloop.identification.growing.steps import grow
 
@@ -34,7 +35,10 @@ def grown_slid(
     if len(slid.weight) == len(rows.weight):
         return grown, rows
     begun = Grown(plain, evaluate(plain, slid), rubbing)
-    again, _ = grow(begun, slid, evaluate(declared, slid), progress)
+    # Which law its friction has, all samples have shown.
+    joints = {step.key[1] for step in rubbing}
+    tried = [c for c in candidates(rows.recording) if not (c.effect.rubs and c.joint in joints)]
+    again, _ = grow(begun, slid, evaluate(declared, slid), progress, tried)
     if len(again.steps) == len(rubbing) == len(grown.steps):
         return grown, rows
     return again, slid
