@@ -286,7 +286,7 @@ class StressRelaxation(AppliedEffect):
     separating_trial = "step to three angles and hold each for twenty seconds"
     parameters = named(
         stiffness=Parameter("Nm/rad", "of what relaxes", floor=0.0),
-        relaxation_time=Parameter("s", "in which 63 % is lost", floor=FASTEST),
+        relaxation_time=Parameter("s", "in which 63 % is lost", neutral=1.0, floor=FASTEST),
     )
     coefficients = ("stiffness",)
     lower = (0.0,)
