@@ -66,7 +66,7 @@ class Model:
         """Return the torque that needs no fit, per analysed joint, (n, 1)."""
         torque = {j: self.recording.inverse[:, [j]] for j in self.recording.joints}
         if self.given is not None:
-            torque = {j: own + self.given.torque[j] for j, own in torque.items()}
+            torque = {j: own + self.given.torque.get(j, 0.0) for j, own in torque.items()}
         return self.transformed(torque)
 
     @property
@@ -133,7 +133,7 @@ def one_joint(model: Model, coefficients: np.ndarray, joint: int) -> Model:
     shared = [(term, own) for term, own in split if set(term.columns) != {joint}]
     given = np.zeros((len(recording.time), 1))
     if model.given is not None:
-        given = given + model.given.torque[joint]
+        given = given + model.given.torque.get(joint, 0.0)
     for term, own in shared:
         if joint in term.columns:
             given = given + kept_columns(term)[joint] @ own[:, None]

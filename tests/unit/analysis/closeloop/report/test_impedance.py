@@ -8,10 +8,11 @@ import pytest
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.terms import Candidate, Term
-from analysis.closeloop.report.impedance import Refits
+from analysis.closeloop.report.impedance import Refits, with_unsaid
+from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.elastic import Viscoelastic
-from tests.testbed.sessions.rich import ELBOW, rich_elbow
+from tests.testbed.sessions.rich import ELBOW, TRUTH, rich_elbow
 
 MASS, STIFFNESS = 0.7, 8.0
 
@@ -58,3 +59,23 @@ def test_a_payload_beside_its_line_bends_the_stiffness_no_further_than_said(refi
     bias = refits.bias(ELBOW, "stiffness")
     assert abs(found - STIFFNESS) > 0.5 * bias > 0.0
     assert high - low > 2.0 * bias
+
+
+def test_what_a_joint_s_effect_leaves_out_is_nothing_at_the_other_joints(
+    recording: Recording,
+) -> None:
+    """Two of an opponent's twelve sessions of two joints had no report."""
+    effect, (theta, own) = BY_NAME["load_dependent_friction"], TRUTH["load_dependent_friction"]
+    term = Term(
+        joint=ELBOW,
+        columns=effect.columns(unfitted(recording, ELBOW), theta),
+        kept=(0, 1),
+        effect=effect,
+        theta=theta,
+        candidate=Candidate(effect=effect, joint=ELBOW),
+    )
+    model = Model(replace(recording, effort=recording.inverse, cache={}), terms=(term,))
+    (bent,) = with_unsaid(model, np.array(own))
+    change = {joint: bent.known()[joint] - model.known()[joint] for joint in recording.joints}
+    assert len(change) == 2 and np.any(change.pop(ELBOW))
+    assert not any(np.any(other) for other in change.values())
