@@ -78,6 +78,8 @@ class Effect(ABC):
     twins: tuple[str, ...] = ()
     #: Whether the motion does not determine its torque at rest, as that of friction.
     rubs: bool = False
+    #: Whether it is a limb's own and goes with the place alone: behind a spring, that of the limb.
+    elastic: bool = False
     #: Whether its torque goes with the direction of the motion, as no soft tissue's does.
     directed: bool = False
     #: Share of a column's power that other columns have to leave: of less, nothing can be named.

@@ -141,9 +141,8 @@ class Recording(Protocol):
 class Spring:
     """A spring between motor and link that a model has."""
 
-    #: Non-linear parameters of `series_elasticity`.
+    #: Those of `series_elasticity`; and what it adds to every torque, Nm or N, (n, joints).
     theta: Mapping[str, float]
-    #: What it adds to the torque of every joint, Nm or N, (n, joints).
     torque: np.ndarray
 
 
@@ -154,17 +153,18 @@ class Estimate:
     #: Fitted declared stiffness and damping per joint; zero where none is declared.
     stiffness: np.ndarray
     damping: np.ndarray
-    #: Torque of the declared model with its fitted unknowns, low-passed, (n, joints).
+    #: Torque of the fitted declared model, low-passed, (n, joints); the same, not low-passed,
+    #: without what motors themselves take and without friction.
     prediction: np.ndarray
-    #: The same without what motors themselves take, and without friction, not low-passed.
     carried: np.ndarray
     #: Effort minus prediction, low-passed, NaN where there is no effort, (n, joints).
     residual: np.ndarray
     #: Torque of links and loads that were found, and of other joints, Nm or N, (n, joints).
     shared: np.ndarray
-    #: By how much links and loads that were found differ from the declared: inertial parameters by
-    #: the number of the body, (10,) or (n, 10).
+    #: By how much links and loads found differ from the declared, by body, (10,) or (n, 10).
     changes: Mapping[int, np.ndarray] = field(default_factory=dict)
+    #: Torque of what else is elastic of limbs, by joint, from how far they are behind, (n,) both.
+    elastic: Mapping[int, Callable[[np.ndarray], np.ndarray]] = field(default_factory=dict)
     #: Springs that were found, by their joint.
     springs: Mapping[int, Spring] = field(default_factory=dict)
 
@@ -176,17 +176,17 @@ class RecordedJoint:
     recording: Recording
     number: int
     estimate: Estimate
-    #: Share of the top speed below which the direction is smooth.
+    #: Share of the top speed below which the direction is smooth; torque that the joint carries.
     smooth: float = 0.0
-    #: Torque that the joint carries, with its sign.
     load: Signal = 0.0
-    #: Direction of a friction that winds up before it slides, -1 to 1, (n,); None if it turns with
-    #: the velocity.
+    #: Direction of friction that winds up first, -1 to 1, (n,); None if it turns with the velocity.
     winding: np.ndarray | None = None
+    #: How far what moves is behind the recorded position.
+    behind: Signal = 0.0
 
     @property
     def position(self) -> np.ndarray:
-        return self.recording.position[:, self.number]
+        return np.asarray(self.recording.position[:, self.number] - self.behind)
 
     @property
     def velocity(self) -> np.ndarray:
@@ -245,7 +245,7 @@ class RecordedJoint:
     @property
     def travel(self) -> tuple[float, float]:
         """Middle and half width of the range of motion."""
-        return travel(self.position)
+        return travel(self.recording.position[:, self.number])
 
     def wound(self, distance: float, exponent: float = 1.0) -> np.ndarray:
         """Return how far what gives way before the joint slides is wound, (n,); see `wound`."""

@@ -6,10 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.closeloop.identification.balance.declared import PLACED
-from analysis.closeloop.identification.balance.luck import ALONE_Z, MIN_GAIN, more_than_luck
+from analysis.closeloop.identification.balance.luck import (
+    ALONE_Z,
+    MIN_GAIN,
+    MIN_Z,
+    more_than_luck,
+)
 from analysis.closeloop.identification.balance.model import evaluate, impedances
 from analysis.closeloop.identification.balance.presence import surely_there
-from analysis.closeloop.identification.balance.regression import Rows, compare
+from analysis.closeloop.identification.balance.regression import Rows, compare, takes_all
 from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.candidates import tried_alone
@@ -72,6 +77,20 @@ def _passes(step: Step, rows: Rows) -> bool:
     return step.taken.candidate.effect.filters and step.key[1] in rows.recording.limbs
 
 
+def _doubted(grown: Grown, step: Step, rows: Rows) -> bool:
+    """Whether a limb's step has to be sure of its size with its form free, too.
+
+    Because it `_passes` on motion, or was taken for its share of the misfit alone, by fewer errors:
+    an end of range for a sensor that bends (an opponent's). What takes nearly all is no doubt.
+    """
+    limb = step.key[1] in rows.recording.limbs
+    if not limb or not (_passes(step, rows) or step.taken.z < MIN_Z):
+        return False
+    own = rows.joint_of_block == step.key[1]
+    worse = evaluate(grown.model.without(step.taken.candidate), rows).losses[own]
+    return not takes_all(worse, grown.score.losses[own])
+
+
 def _driven(grown: Grown, rows: Rows) -> Step | None:
     """Return the last step that passes on the motion of a limb whose damping is below none."""
     passing = [step for step in grown.steps if _passes(step, rows)]
@@ -108,7 +127,7 @@ def _least_sure(grown: Grown, rows: Rows) -> Step | None:
         return None
     sure = {step.key: np.inf for step in own}
     for free in (False, True):
-        asked = [step for step in own if not free or _passes(step, rows)]
+        asked = [step for step in own if not free or _doubted(grown, step, rows)]
         if not asked:
             continue
         fits = leave_out(grown.model, rows, grown.score.coefficients, form_free=free)

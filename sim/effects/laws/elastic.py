@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from sim.effects.effect import Columns, Effect, Law, Theta
+from sim.effects.effect import Columns, Effect, Law, Limits, Theta
 from sim.effects.elements import add_damping, add_spring, joint_of
 from sim.effects.functions import Signal, at_least, at_most, expm1
 from sim.effects.motion import Motion, RecordedJoint, Recording
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: Power that stands for an exponential, and the width of that over half the range of motion.
 EXPONENTIAL, END_WIDTH = 0.0, 0.35
+#: Powers of a torque that begins at an angle; and how far from where it seemed to it may, rad.
+POWERS, ONSET = (1.0, 2.0, EXPONENTIAL), 0.2
 #: Which way a one-sided effect acts.
 SIDE = Parameter(
     "1",
@@ -107,7 +109,7 @@ class JointStiffness(Law):
 class NonlinearStiffness(Law):
     """A spring that hardens, or softens if K3 is below 0: K3 (q - c)^3."""
 
-    limb = True
+    limb = elastic = True
     name = "nonlinear_stiffness"
     complexity = 2
     signature = (
@@ -142,7 +144,7 @@ class HardeningSpring(NonlinearStiffness):
     balancers, springs of rubber.
     """
 
-    limb = False
+    limb = elastic = False
     complexity = 4
     owner = None
     includes = ("torque_offset", "joint_stiffness")
@@ -161,7 +163,7 @@ class HardeningSpring(NonlinearStiffness):
 class EndRange(Law):
     """A spring that only begins at an angle near one end: K max(0, q - a)^p, or exponential."""
 
-    limb = True
+    limb = elastic = True
     name = "end_range_torque"
     complexity = 3
     signature = (
@@ -208,8 +210,14 @@ class EndRange(Law):
             {"side": side, "onset": middle + side * half * share, "power": power}
             for side in (-1.0, 1.0)
             for share in (0.3, 0.45, 0.6, 0.75, 0.87)
-            for power in (1.0, 2.0, EXPONENTIAL)
+            for power in POWERS
         ]
+
+    def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
+        # Between steps of the onset another power may leave less.
+        onset = theta["onset"] - ONSET, theta["onset"] + ONSET
+        powers = sorted(POWERS, key=lambda power: power != theta["power"])
+        return [({**theta, "power": power}, {"onset": onset}) for power in powers]
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         return {**super().fixed(joint, theta), "width": END_WIDTH * joint.travel[1]}

@@ -45,6 +45,9 @@ WEIGHED, DAMPED = "weight_behind", "damping_behind"
 #: of both shares differ by (set on one of our own sessions, which 4 kept from its own shares); and
 #: shares that are near enough anyway.
 PENDULUMS, NEAR = 8.0, 0.05
+#: Times that it is asked how far a limb is behind its spring and how stiff it is there; a way, rad
+#: or m, that is none.
+SECANTS, LITTLE = 3, 1e-6
 #: A weight below this share of the largest effort is none.
 LEVEL = 1e-3
 
@@ -78,7 +81,7 @@ class SeriesElasticity(LooseLink):
     a spring of k and e, and M, D and g' are those of where the arm is and how it moves; the balance
     changes by -(M d'' + D d' + (K + g') d). The column is that over the compliance 1 / k, which
     goes with the frequency at which the link swings on the spring, on average, so it is exact once
-    both agree.
+    both agree. What else is elastic of a limb is part of K by its secant over d (`_secant`).
 
     How the link swings when a piece of the recording begins nothing says but what is left of that
     piece: its initial state is fitted to it, in held-out trials too, as is usual where predictions
@@ -206,9 +209,13 @@ def _parts(
         springs[place] = _spring(joint, number, theta)
         own[place] = 2.0 * theta["damping_ratio"] * np.sqrt(springs[place] * inertia[itself].mean())
         damping[itself] = damping_behind(joint, number, theta) + own[place]
+        stiff = stiffness_behind(joint, number, theta)
         # A first estimate may be such that nothing would hang on the spring stably.
-        stiff = np.maximum(stiffness_behind(joint, number, theta), -UPSIDE_DOWN * springs[place])
-        stiffness[itself] = stiff + springs[place]
+        least = -UPSIDE_DOWN * springs[place]
+        held = springs[place] + np.maximum(stiff, least)
+        if number in joint.estimate.elastic:
+            stiff = stiff + _secant(joint, number, load[:, number], held)
+        stiffness[itself] = springs[place] + np.maximum(stiff, least)
     begins = np.array([piece.start for piece in recording.slices])
     ways = hanging(inertia, damping, stiffness, load[:, joints], begins, 1.0 / recording.rate)
     felt = springs[:, None] * ways[:, 0] + own[:, None] * ways[:, 1]
@@ -223,6 +230,31 @@ def _parts(
         others = [other for other in range(len(joints)) if other != at]
         parts[:, number, at] = whole[:, at] - parts[:, number, others].sum(axis=1)
     return {number: parts[..., at] for at, number in enumerate(joints)}
+
+
+def _secant(
+    joint: RecordedJoint, number: int, load: np.ndarray, stiffness: np.ndarray
+) -> np.ndarray:
+    """Return what is lost of a limb's elastic torque over the way that it is behind, over that way.
+
+    The way is that of a limb which goes slowly, against how fast it swings on its spring.
+
+    Args:
+        joint: one of the recording, with its estimate.
+        number: of the limb's joint.
+        load: that the limb would need without a spring, Nm or N, (n,).
+        stiffness: of the spring and what else holds the limb, Nm/rad or N/m, (n,).
+
+    Returns:
+        Nm/rad or N/m, (n,).
+    """
+    torque, secant = joint.estimate.elastic[number], np.zeros_like(load)
+    whole = torque(secant)
+    for _ in range(SECANTS):
+        behind = load / np.maximum(stiffness + secant, UPSIDE_DOWN * stiffness)
+        behind = np.where(np.abs(behind) > LITTLE, behind, LITTLE)
+        secant = (whole - torque(behind)) / behind
+    return secant
 
 
 def _swings(

@@ -214,7 +214,41 @@ def estimate_of(model: Model, coefficients: np.ndarray) -> Estimate:
         shared=shared_torque(model, model.split(coefficients)),
         changes=link_changes(model, model.split(coefficients)),
         springs=dict(_springs(model, coefficients)),
+        elastic=elastic_torques(model, model.split(coefficients)),
     )
+
+
+def elastic_torques(
+    model: Model, fitted: Iterable[tuple[Term, np.ndarray]]
+) -> dict[int, Callable[[np.ndarray], np.ndarray]]:
+    """Return the torque of what is elastic of limbs beside their stiffness, by joint.
+
+    Each from how far a limb is behind its device, (n,), Nm or N, (n,).
+
+    Args:
+        model: fitted.
+        fitted: its terms with their coefficients.
+    """
+    found: dict[int, list[tuple[Term, np.ndarray]]] = {}
+    for term, own in fitted:
+        if term.effect is not None and term.effect.elastic:
+            found.setdefault(term.joint, []).append((term, np.array(own)))
+
+    def of(joint: int) -> Callable[[np.ndarray], np.ndarray]:
+        recorded = unfitted(model.recording, joint)
+
+        def torque(behind: np.ndarray) -> np.ndarray:
+            there = replace(recorded, behind=behind)
+            parts = [
+                term.effect.columns(there, term.theta)[joint][:, list(term.kept)] @ own
+                for term, own in found[joint]
+                if term.effect is not None
+            ]
+            return np.asarray(np.sum(parts, axis=0))
+
+        return torque
+
+    return {joint: of(joint) for joint in found}
 
 
 def estimate_beside(model: Model, coefficients: np.ndarray, own: Term | None) -> Estimate:
