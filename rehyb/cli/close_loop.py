@@ -196,7 +196,9 @@ def _lines(report: Json, out: Path) -> Iterator[str]:
         )
     for joint, values in report["impedance"].items():
         k = values["stiffness"]
-        yield f"  stiffness of {joint}: {k['before']:.4g} -> {k['after']:.4g} {k['unit']}"
+        found = f"{k['before']:.4g} -> {k['after']:.4g} {k['unit']}"
+        known = report["identified"].get(joint, {"stiffness": True})["stiffness"]
+        yield f"  stiffness of {joint}: {found}{'' if known else ', not identified'}"
     for joint, entry in report["unexplained"].items():
         yield f"  unexplained at {joint}: {entry['rms']:.3g} {entry['unit']}"
         yield f"    rms of {entry['rms_of']}"

@@ -154,7 +154,9 @@ def advice(outcome: Outcome) -> list[str]:
         if step.equals or verdict == Verdict.NOT_IDENTIFIABLE:
             trial = separating_trial(recording, taken.joint, taken.effect)
             lines.append(f"To tell {taken.effect.name} from what looks alike: {trial}.")
-    if verdict == Verdict.NOT_IDENTIFIABLE:
+    if verdict == Verdict.NOT_IDENTIFIABLE and (
+        moves_one_way(found.rows) or not found.rows.grouped
+    ):
         lines.append(
             "Record the movement to and fro, at two or more speeds, with every speed as its own "
             "group."

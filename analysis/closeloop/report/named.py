@@ -18,10 +18,13 @@ from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING
 from sim.effects.laws.coupling import CoupledMotor
+from sim.effects.laws.drive import PositionOffset
 from sim.effects.laws.inertia import PLACE, GravityTorque
 
 #: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
 MOST_NONSENSE = 0.25
+#: ... unless it is as short as this share of all that the quantity can be.
+SHARP = 0.25
 #: Parameters of a load that say where it hangs.
 PLACES = ("distance", *PLACE)
 #: A motor that turns with two joints.
@@ -47,7 +50,9 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
         others = list(dict.fromkeys(o.candidate.effect.name for o in step.equals))
         if effect.name == GAIN.name and gain_of_all(model, coefficients, found.rows) is not None:
             others.append(LINK_INERTIA)
-        others = [name for name in others if name != effect.name]
+        if effect.name == PositionOffset.name and turns_all(recording, joint):
+            others.append(GravityTorque.name)
+        others = [name for name in dict.fromkeys(others) if name != effect.name]
         entries.append(
             {
                 "name": effect.name,
@@ -77,6 +82,17 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
             }
         )
     return with_places(entries, recording.device.joints)
+
+
+def turns_all(recording: Recording, joint: int) -> bool:
+    """Whether a joint turns all that moves: its wrong zero is a base that stands turned about it.
+
+    (An opponent's device was 7 degrees out of level, and its encoder was blamed.)
+    """
+    model = recording.device.model
+    body = model.body(recording.body(joint))
+    on_base = model.body_weldid[model.body_parentid[body.id]] == 0
+    return bool(on_base and model.body_jntnum[body.id] == 1 and recording.is_hinge(joint))
 
 
 def with_places(
@@ -171,6 +187,8 @@ def spans_nonsense(interval: Sequence[float], value: float, limits: Sequence[flo
     if not least - ROUNDING <= value <= most + ROUNDING:
         return True
     width = high - low
+    if width < SHARP * (most - least) < np.inf:
+        return False
     below = (least - low) / width if width > 0 and value > least + ROUNDING else 0.0
     above = (high - most) / width if width > 0 and value < most - ROUNDING else 0.0
     return max(below, above) > MOST_NONSENSE

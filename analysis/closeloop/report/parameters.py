@@ -103,12 +103,13 @@ def parameters_of(
     entries: dict[str, dict[str, Any]] = {}
     limits = dict(effect.limits(joint))
     for key, reading in effect.readings(joint, theta).items():
-        free = None
+        free, highest = None, np.inf
         if reading.column is None:
             # Its limits here also say where another effect begins; beyond these it is nothing.
             natural = effect.parameters[key]
             limits[key] = natural.floor, natural.ceiling
             value, lowest = reading.of({}), natural.floor
+            highest = max(natural.ceiling, float(value))
             every = value + _moved(fits, candidate, joint, theta, key, own)
             free = fits.interval(every, float(value))
         elif reading.column in own:
@@ -127,7 +128,8 @@ def parameters_of(
         if not np.isfinite(value):
             entries[key] = {"value": None, "ci90": None, "unit": unit, "description": what}
             continue
-        interval = list(fits.interval(every, float(value), lowest))
+        low, high = fits.interval(every, float(value), lowest)
+        interval = [low, min(high, highest)]
         entries[key] = {"value": value, "ci90": interval, "unit": unit, "description": what}
         signed = reading.column is not None and _is_difference(model, part)
         if free is not None and part.candidate is not None and not signed:

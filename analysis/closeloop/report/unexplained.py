@@ -151,7 +151,7 @@ def untouched(recording: Recording, events: Sequence[Event]) -> list[str]:
         nobody = "the limb relaxed, and nothing and nobody else touching the robot"
     return [
         f"Repeat {file} with {nobody}: something seems to have pushed it at the times that are "
-        "listed as events under `unexplained`."
+        "listed as events under `unexplained`. If they come back, the model lacks what acts there."
         for file in files
     ]
 

@@ -19,6 +19,7 @@ from analysis.closeloop.report.named import (
     refused_values,
     spans_nonsense,
     supposed,
+    turns_all,
     undetermined,
     with_places,
 )
@@ -47,12 +48,20 @@ MASS = (0.0, float("inf"))
         # Of a Kinova Gen3, metres beyond its reach.
         ((-4.5, -0.7), -2.6, (-0.9, 0.9), True),
         ((1.8, 1.9), 1.85, (-0.9, 0.9), True),
+        # A share of which nearly all is known: an opponent's cuffs, whose values were withheld.
+        ((0.951, 1.04), 0.995, (0.1, 1.0), False),
+        ((-0.002, 0.003), 0.0006, (0.0, 0.7), False),
     ],
 )
 def test_an_interval_that_spans_nonsense_says_nothing(
     interval: tuple[float, float], value: float, limits: tuple[float, float], nonsense: bool
 ) -> None:
     assert spans_nonsense(interval, value, limits) is nonsense
+
+
+def test_only_the_zero_of_what_turns_all_is_a_base_that_stands_askew() -> None:
+    arm = rich_recording()
+    assert turns_all(arm, 0) and not turns_all(arm, ELBOW)
 
 
 @pytest.mark.parametrize(("low", "refused"), [(-0.2, True), (0.3, False)])

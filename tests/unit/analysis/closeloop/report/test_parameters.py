@@ -1,14 +1,19 @@
 """What a gain of a joint does to the other values that are told of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.balance.model import evaluate
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.report.parameters import parameters_of, part_of
+from sim.effects.catalogue import BY_NAME
 from sim.effects.rigid import point_mass
 from tests.testbed.sessions.coupled import measured, moving, traced
+from tests.testbed.sessions.rich import ELBOW, TRUTH, rich_elbow
 
 
 def test_a_load_has_its_own_mass_beside_a_gain_of_the_joint_it_hangs_at() -> None:
@@ -26,3 +31,28 @@ def test_a_load_has_its_own_mass_beside_a_gain_of_the_joint_it_hangs_at() -> Non
     assert told["mass"]["value"] == pytest.approx(0.3, rel=0.01)
     low, high = told["mass"]["ci90"]
     assert low <= 0.3 <= high
+
+
+def test_an_interval_of_a_share_ends_at_the_whole() -> None:
+    """Of an opponent's cuff 0.951 to 1.04 of the inertia hung behind it."""
+    elbow, effect = rich_elbow(), BY_NAME["series_elasticity"]
+    theta, size = TRUTH["series_elasticity"]
+    theta = {**theta, "inertia_behind": 0.97, "weight_behind": 0.97}
+    columns = effect.columns(unfitted(elbow, ELBOW), theta)
+    effort = np.array(elbow.inverse)
+    effort[:, ELBOW] += columns[ELBOW] @ size
+    effort[:, ELBOW] += 0.3 * np.random.default_rng(3).standard_normal(len(effort))
+    loud = replace(elbow, effort=elbow.filtered(effort), cache={})
+    term = Term(
+        joint=ELBOW,
+        columns=columns,
+        kept=(0,),
+        effect=effect,
+        theta=theta,
+        candidate=Candidate(effect=effect, joint=ELBOW),
+    )
+    model, rows = Model(loud, terms=(term,)), select_rows(loud, (0,))
+    coefficients = evaluate(model, rows).coefficients
+    fits = leave_out(model, rows, coefficients)
+    told = parameters_of(model, coefficients, fits, term)["inertia_behind"]
+    assert told["free"][1] > 1.0 and told["ci90"][1] == 1.0
