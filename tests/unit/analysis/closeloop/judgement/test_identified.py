@@ -6,13 +6,20 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.identification.balance.declared import declared_model
-from analysis.closeloop.identification.balance.model import Model, evaluate
+from analysis.closeloop.identification.balance.model import (
+    Model,
+    estimate_of,
+    evaluate,
+    unfitted,
+)
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.judgement.identified import _reach, hidden_effects
 from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
-from tests.testbed.sessions.rich import ELBOW
+from sim.effects.motion import RecordedJoint
+from tests.testbed.sessions.rich import ELBOW, TRUTH
 
 
 def limb_of(recording: Recording) -> tuple[Model, Rows]:
@@ -51,3 +58,37 @@ def test_a_rung_moves_no_stiffness_where_the_rung_below_is_not_there(recording: 
     names = {hidden.effect.name for hidden in found[ELBOW]}
     assert "load_dependent_friction" in names
     assert not names & {"quadratic_load_friction", "directional_load_friction"}
+
+
+def test_what_was_found_may_have_another_form_beside_what_could_move_a_stiffness(
+    recording: Recording,
+) -> None:
+    """A stiffer cuff made room for a gain of 54 % of K, which was told as 0.2 % (an opponent's)."""
+    model, rows = limb_of(recording)
+    effect, (theta, size) = BY_NAME["end_range_torque"], TRUTH["end_range_torque"]
+    columns = effect.columns(unfitted(model.recording, ELBOW), theta)
+    effort = np.array(model.recording.effort)
+    effort[:, ELBOW] += columns[ELBOW] @ size
+    bent = replace(model.recording, effort=effort, cache={})
+    rows = select_rows(bent, (0,))
+    term = Term(
+        joint=ELBOW,
+        columns=columns,
+        kept=(0,),
+        effect=effect,
+        theta=theta,
+        candidate=Candidate(effect=effect, joint=ELBOW),
+    )
+    found = declared_model(bent, rows).with_term(term)
+    coefficients = evaluate(found, rows).coefficients
+    gain, recorded = (
+        BY_NAME["torque_gain"],
+        RecordedJoint(bent, ELBOW, estimate_of(found, coefficients)),
+    )
+    held = _reach(found, rows, (0, float(coefficients[0])), gain, gain.columns(recorded, {}))
+    (free,) = (
+        hidden.by
+        for hidden in hidden_effects(found, coefficients, rows)[ELBOW]
+        if hidden.effect is gain
+    )
+    assert free > 2.0 * held

@@ -1,0 +1,64 @@
+"""What nothing stands of is looked for once more, without what fell."""
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification import tracing
+from analysis.closeloop.identification.balance.model import Model, evaluate
+from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
+from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.rich import ELBOW
+
+FALLS, STANDS = "time_delay", "stretch_reflex"
+
+
+@pytest.fixture
+def rows(recording: Recording) -> Rows:
+    return select_rows(recording, (0,))
+
+
+def grown(recording: Recording, rows: Rows, names: Sequence[str]) -> Grown:
+    """Return a bare model that effects are said to have been added to."""
+    model = Model(recording)
+    score = evaluate(model, rows)
+    steps = []
+    for name in names:
+        candidate = Candidate(effect=BY_NAME[name], joint=ELBOW)
+        taken = Option(candidate=candidate, model=model, score=score, gain=1.0, z=9.0)
+        steps.append(Step(taken=taken, equals=(), options=(), before=score.loss))
+    return Grown(model, score, tuple(steps))
+
+
+@pytest.mark.parametrize("first", [[FALLS], [FALLS, STANDS]], ids=["nothing", "something"])
+def test_only_where_nothing_stands_is_all_grown_again_without_what_fell(
+    first: list[str], recording: Recording, rows: Rows, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An end of range stood for a cuff's spring beside it, and fell: K was 12 % low."""
+    asked: list[set[tuple[str, int]]] = []
+
+    def grow(_b: Grown, _r: Rows, _s: Any, _p: Any, tried: Collection[Candidate]) -> Any:
+        asked.append({candidate.key for candidate in tried})
+        return grown(recording, rows, [STANDS]), None
+
+    def held(found: Grown, _declared: Model, _rows: Rows) -> tuple[Grown, tuple[str, ...]]:
+        left = tuple(step for step in found.steps if step.key[0] != FALLS)
+        return Grown(found.model, found.score, left), tuple(
+            "gone" for _ in found.steps[len(left) :]
+        )
+
+    monkeypatch.setattr(tracing, "grow", grow)
+    monkeypatch.setattr(tracing, "_held", held)
+    before = grown(recording, rows, first)
+    found, notes = tracing._stands(before, before.model, rows, lambda _: None)
+    assert [step.key for step in found.steps] == [(STANDS, ELBOW)]
+    assert notes == ("gone",)
+    assert len(asked) == (first == [FALLS])
+    for tried in asked:
+        assert (FALLS, ELBOW) not in tried and (STANDS, ELBOW) in tried
+    assert np.isfinite(found.score.loss)
