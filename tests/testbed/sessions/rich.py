@@ -7,11 +7,13 @@ import mujoco
 import numpy as np
 
 from analysis.closeloop.identification.balance.model import unfitted
+from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.session.contents import Session, Trial
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import Sampling
 from sim.effects.catalogue import BY_NAME
+from sim.effects.effect import Columns, Theta
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.synthetic import mjcf
 
@@ -107,6 +109,18 @@ def swung(
 def rich_elbow(seconds: int = 5) -> Recording:
     """Return the elbow alone of a rich recording."""
     return replace(rich_recording(seconds), joints=(ELBOW,), cache={})
+
+
+def added(name: str, columns: Columns, theta: Theta, kept: tuple[int, ...] = (0,)) -> Term:
+    """Return an effect of the elbow as one that was added to a model."""
+    return Term(
+        joint=ELBOW,
+        columns=columns,
+        kept=kept,
+        effect=BY_NAME[name],
+        theta=theta,
+        candidate=Candidate(effect=BY_NAME[name], joint=ELBOW),
+    )
 
 
 def asked(recording: Recording, name: str) -> Recording:

@@ -13,13 +13,12 @@ from analysis.closeloop.identification.balance.model import (
     unfitted,
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.judgement.identified import _reach, hidden_effects
 from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import RecordedJoint
-from tests.testbed.sessions.rich import ELBOW, TRUTH
+from tests.testbed.sessions.rich import ELBOW, TRUTH, added
 
 
 def limb_of(recording: Recording) -> tuple[Model, Rows]:
@@ -71,20 +70,10 @@ def test_what_was_found_may_have_another_form_beside_what_could_move_a_stiffness
     effort[:, ELBOW] += columns[ELBOW] @ size
     bent = replace(model.recording, effort=effort, cache={})
     rows = select_rows(bent, (0,))
-    term = Term(
-        joint=ELBOW,
-        columns=columns,
-        kept=(0,),
-        effect=effect,
-        theta=theta,
-        candidate=Candidate(effect=effect, joint=ELBOW),
-    )
-    found = declared_model(bent, rows).with_term(term)
+    found = declared_model(bent, rows).with_term(added(effect.name, columns, theta))
     coefficients = evaluate(found, rows).coefficients
-    gain, recorded = (
-        BY_NAME["torque_gain"],
-        RecordedJoint(bent, ELBOW, estimate_of(found, coefficients)),
-    )
+    gain = BY_NAME["torque_gain"]
+    recorded = RecordedJoint(bent, ELBOW, estimate_of(found, coefficients))
     held = _reach(found, rows, (0, float(coefficients[0])), gain, gain.columns(recorded, {}))
     (free,) = (
         hidden.by

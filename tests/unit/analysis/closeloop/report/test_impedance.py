@@ -12,7 +12,7 @@ from analysis.closeloop.report.impedance import Refits, with_unsaid
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.elastic import Viscoelastic
-from tests.testbed.sessions.rich import ELBOW, TRUTH, rich_elbow
+from tests.testbed.sessions.rich import ELBOW, TRUTH, added, rich_elbow
 
 MASS, STIFFNESS = 0.7, 8.0
 
@@ -66,14 +66,8 @@ def test_what_a_joint_s_effect_leaves_out_is_nothing_at_the_other_joints(
 ) -> None:
     """Two of an opponent's twelve sessions of two joints had no report."""
     effect, (theta, own) = BY_NAME["load_dependent_friction"], TRUTH["load_dependent_friction"]
-    term = Term(
-        joint=ELBOW,
-        columns=effect.columns(unfitted(recording, ELBOW), theta),
-        kept=(0, 1),
-        effect=effect,
-        theta=theta,
-        candidate=Candidate(effect=effect, joint=ELBOW),
-    )
+    columns = effect.columns(unfitted(recording, ELBOW), theta)
+    term = added(effect.name, columns, theta, kept=(0, 1))
     model = Model(replace(recording, effort=recording.inverse, cache={}), terms=(term,))
     (bent,) = with_unsaid(model, np.array(own))
     change = {joint: bent.known()[joint] - model.known()[joint] for joint in recording.joints}

@@ -7,13 +7,12 @@ import pytest
 
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
-from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.report.parameters import parameters_of, part_of
 from sim.effects.catalogue import BY_NAME
 from sim.effects.rigid import point_mass
 from tests.testbed.sessions.coupled import measured, moving, traced
-from tests.testbed.sessions.rich import ELBOW, TRUTH, rich_elbow
+from tests.testbed.sessions.rich import ELBOW, TRUTH, added, rich_elbow
 
 
 def test_a_load_has_its_own_mass_beside_a_gain_of_the_joint_it_hangs_at() -> None:
@@ -43,14 +42,7 @@ def test_an_interval_of_a_share_ends_at_the_whole() -> None:
     effort[:, ELBOW] += columns[ELBOW] @ size
     effort[:, ELBOW] += 0.3 * np.random.default_rng(3).standard_normal(len(effort))
     loud = replace(elbow, effort=elbow.filtered(effort), cache={})
-    term = Term(
-        joint=ELBOW,
-        columns=columns,
-        kept=(0,),
-        effect=effect,
-        theta=theta,
-        candidate=Candidate(effect=effect, joint=ELBOW),
-    )
+    term = added(effect.name, columns, theta)
     model, rows = Model(loud, terms=(term,)), select_rows(loud, (0,))
     coefficients = evaluate(model, rows).coefficients
     fits = leave_out(model, rows, coefficients)
