@@ -31,6 +31,8 @@ PLACES = ("distance", *PLACE)
 MOTOR = CoupledMotor.name
 #: Where the links of a chain are: at no joint, though the entry stands at the first that moves.
 LINKS = "the links"
+#: What tells a wrong zero from a base that stands askew.
+LEVEL = "put a level on the base, since no movement tells it from gravity along another way"
 #: Parameters of further gravity along the axes of the world.
 FURTHER_GRAVITY = tuple(GravityTorque.parameters)
 
@@ -47,11 +49,12 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
         assert fits is not None
         candidate = step.taken.candidate
         effect, joint = candidate.effect, candidate.joint
-        others = list(dict.fromkeys(o.candidate.effect.name for o in step.equals))
+        others = [other.candidate.effect.name for other in step.equals]
         if effect.name == GAIN.name and gain_of_all(model, coefficients, found.rows) is not None:
             others.append(LINK_INERTIA)
+        trial = separating_trial(recording, joint, effect)
         if effect.name == PositionOffset.name and turns_all(recording, joint):
-            others.append(GravityTorque.name)
+            others, trial = with_tilt(others, trial)
         others = [name for name in dict.fromkeys(others) if name != effect.name]
         entries.append(
             {
@@ -68,11 +71,7 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
                     )
                 ),
                 "indistinguishable_from": others,
-                "separating_trial": (
-                    separating_trial(recording, step.taken.candidate.joint, effect)
-                    if others or not named
-                    else None
-                ),
+                "separating_trial": trial if others or not named else None,
                 "evidence": {
                     "holdout_gain": step.share(step.taken),
                     "p_value": step.p_value,
@@ -93,6 +92,16 @@ def turns_all(recording: Recording, joint: int) -> bool:
     body = model.body(recording.body(joint))
     on_base = model.body_weldid[model.body_parentid[body.id]] == 0
     return bool(on_base and model.body_jntnum[body.id] == 1 and recording.is_hinge(joint))
+
+
+def with_tilt(others: list[str], trial: str) -> tuple[list[str], str]:
+    """Return what looks like the zero of what turns all that moves, and what would tell.
+
+    Args:
+        others: effects that trials might tell from it.
+        trial: that tells it from those.
+    """
+    return [*others, GravityTorque.name], f"{trial}; {LEVEL}" if others else LEVEL
 
 
 def with_places(

@@ -22,6 +22,7 @@ from analysis.closeloop.report.named import (
     turns_all,
     undetermined,
     with_places,
+    with_tilt,
 )
 from analysis.closeloop.report.parameters import beside_its_like, parameters_of
 from analysis.closeloop.report.repaired import repaired_model
@@ -62,6 +63,14 @@ def test_an_interval_that_spans_nonsense_says_nothing(
 def test_only_the_zero_of_what_turns_all_is_a_base_that_stands_askew() -> None:
     arm = rich_recording()
     assert turns_all(arm, 0) and not turns_all(arm, ELBOW)
+
+
+def test_no_movement_is_said_to_tell_a_wrong_zero_from_a_base_that_stands_askew() -> None:
+    others, trial = with_tilt([], "hold still in five postures")
+    assert others == ["gravity_torque"] and trial.startswith("put a level on the base")
+    others, trial = with_tilt(["payload"], "hold still in five postures")
+    assert others == ["payload", "gravity_torque"]
+    assert trial.startswith("hold still in five postures; put a level on the base")
 
 
 @pytest.mark.parametrize(("low", "refused"), [(-0.2, True), (0.3, False)])
