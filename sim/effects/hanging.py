@@ -1,9 +1,11 @@
 """How links that hang on springs move, all as one system whose matrices change with time."""
 
+from math import factorial
+
 import numpy as np
 
-#: Terms of a matrix exponential's series, of a matrix whose rows add up to less than a half: what
-#: is left is below 1e-9.
+#: Terms of a matrix exponential's series, three times some, of a matrix whose rows add up to less
+#: than a half: what is left is below 1e-9.
 TERMS, SMALL = 9, 0.5
 #: Turns of a step below which a sine over them is one.
 ALIKE = 1e-6
@@ -110,20 +112,33 @@ def _exponential(matrices: np.ndarray) -> np.ndarray:
     """
     largest = np.abs(matrices).sum(axis=-1).max(initial=SMALL)
     halvings = int(np.ceil(np.log2(largest / SMALL)))
-    small, one = matrices / 2.0**halvings, np.eye(matrices.shape[-1])
-    found = np.broadcast_to(one, matrices.shape)
-    for term in range(TERMS, 0, -1):
-        found = one + small @ found / term
+    one = matrices / 2.0**halvings
+    square = one @ one
+    powers = np.eye(matrices.shape[-1]), one, square
+    cube = square @ one
+    # By threes (Paterson and Stockmeyer 1973), which takes four products instead of nine.
+    found = cube / factorial(TERMS)
+    for least in range(TERMS - 3, -1, -3):
+        found = sum((p / factorial(least + n) for n, p in enumerate(powers)), found)
+        if least:
+            found = cube @ found
     for _ in range(halvings):
         found = found @ found
-    return found
+    return np.asarray(found)
 
 
 def _over(matrices: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Return what each matrix, (n, m, m), turns into another, (n, m, k)."""
-    if matrices.shape[-1] == 1:
+    links = matrices.shape[-1]
+    if links == 1:
         return np.asarray(others / matrices)
-    return np.asarray(np.linalg.solve(matrices, others))
+    if links > 2:
+        return np.asarray(np.linalg.solve(matrices, others))
+    # Cramer's rule: to solve each of thousands by itself takes three times as long.
+    (a, b), (c, d) = np.moveaxis(matrices, 0, -1)[..., None]
+    first, second = others[:, 0], others[:, 1]
+    each = [d * first - b * second, a * second - c * first]
+    return np.asarray(np.stack(each, axis=1) / (a * d - b * c)[:, None])
 
 
 def _solved(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:

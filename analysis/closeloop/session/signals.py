@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.linalg.lapack import dgttrf, dgttrs
 from scipy.signal import butter, lfilter, lfilter_zi
 
 #: Rate at which regressors are computed, over the cutoff; at least this many Hz if recorded so.
@@ -189,13 +189,27 @@ def derivatives(position: np.ndarray, sampling: Sampling) -> tuple[np.ndarray, .
 def slope(signal: np.ndarray, rate: float) -> np.ndarray:
     """Return the rate of change of an evenly sampled signal, (n, ...).
 
-    That of a cubic spline, which is a compact difference of fourth order (Lele 1992): at a tenth of
-    the sampling rate it is 0.1 % small, where a central difference is 6 %.
+    That of a cubic spline without knots at the second samples, which is a compact difference of
+    fourth order (Lele 1992): at a tenth of the sampling rate it is 0.1 % small, where a central
+    difference is 6 %. As scipy's, which asks its points anew whether they are even at every call.
     """
-    if len(signal) < 4:
+    count = len(signal)
+    if count < 4:
         return np.asarray(np.gradient(signal, 1.0 / rate, axis=0))
-    clock = np.arange(len(signal)) / rate
-    return np.asarray(CubicSpline(clock, signal, axis=0)(clock, 1))
+    steps = np.diff(signal, axis=0)
+    known = np.empty(signal.shape)
+    known[1:-1] = 3.0 * (steps[1:] + steps[:-1])
+    known[0], known[-1] = 2.5 * steps[0] + 0.5 * steps[1], 2.5 * steps[-1] + 0.5 * steps[-2]
+    slopes, _ = dgttrs(*_tridiagonal(count), known.reshape(count, -1))
+    return np.asarray(rate * slopes).reshape(signal.shape)
+
+
+@cache
+def _tridiagonal(count: int) -> tuple[np.ndarray, ...]:
+    """Return what the slopes of a spline are the solution of, factored, for so many samples."""
+    below, on, above = np.ones(count - 1), np.full(count, 4.0), np.ones(count - 1)
+    on[[0, -1]], above[0], below[-1] = 1.0, 2.0, 2.0
+    return tuple(dgttrf(below, on, above)[:-1])
 
 
 def shifted(signal: np.ndarray, seconds: float, rate: float) -> np.ndarray:

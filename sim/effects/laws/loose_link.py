@@ -279,13 +279,11 @@ def _swings(
     # Joints are weighed by what is left of them.
     weight = good / np.maximum(np.sqrt(np.mean(left**2, axis=0, where=good)), 1e-300)
     left = np.where(good, left, 0.0) * weight
+    power, smooth_power = ((x[..., 1:] ** 2).sum(axis=1) for x in (felt, smooth))
     for piece in recording.slices:
         inside = slice(piece.start + recording.edge, piece.stop - recording.edge)
-        whole, *parts = (
-            np.linalg.norm(x[..., 1:], axis=(0, 1))
-            for x in (felt[piece], felt[inside], smooth[inside])
-        )
-        shown = 1 + np.flatnonzero(np.min(parts, axis=0) > FADED * whole)
+        part = np.minimum(power[inside].sum(axis=0), smooth_power[inside].sum(axis=0))
+        shown = 1 + np.flatnonzero(part > FADED**2 * power[piece].sum(axis=0))
         if np.count_nonzero(good[inside]) > len(shown) > 0:
             ways = (smooth[inside][..., shown] * weight[inside, :, None]).reshape(-1, len(shown))
             size[piece, shown] = np.linalg.lstsq(ways, left[inside].reshape(-1), rcond=1e-6)[0]
