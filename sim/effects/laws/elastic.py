@@ -152,7 +152,7 @@ class HardeningSpring(NonlinearStiffness):
         cubic_stiffness=Parameter("Nm/rad3", "by which the spring hardens; below 0 it softens"),
         centre=Parameter("rad", "angle where it is least stiff", in_joint_frame=True),
         stiffness=Parameter("Nm/rad", "of the spring at that angle"),
-        torque_at_zero=Parameter("Nm", "what the motor adds at position 0 besides"),
+        torque_at_zero=Parameter("Nm", "what the motor adds at position 0"),
     )
     coefficients = ("cubic_stiffness", "stiffness", "torque_at_zero")
 
@@ -220,7 +220,10 @@ class EndRange(Law):
         return [({**theta, "power": power}, {"onset": onset}) for power in powers]
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        return {**super().fixed(joint, theta), "width": END_WIDTH * joint.travel[1]}
+        own = super().fixed(joint, theta)
+        if theta["power"] != EXPONENTIAL:
+            return own
+        return {**own, "width": END_WIDTH * joint.travel[1]}
 
     def unit(self, parameter: str, theta: Theta) -> str:
         if parameter != "stiffness":

@@ -188,7 +188,7 @@ class Asymmetric(Friction):
     includes = ("coulomb_friction", "viscous_friction")
     parameters = named(
         torque_positive=size("Nm", 3.0, "friction in flexion"),
-        torque_negative=size("Nm", 3.0, "its friction in extension"),
+        torque_negative=size("Nm", 3.0, "friction in extension"),
         viscous_difference=size(
             "Nm s/rad", 1.0, "damping in flexion less that in extension", low=-1.0
         ),
