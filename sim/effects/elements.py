@@ -117,11 +117,35 @@ def add_spring(joint: "mujoco.MjsJoint", stiffness: float, neutral: float) -> No
     joint.stiffness = polynomial
 
 
+def line_and_across(spec: "mujoco.MjSpec", joint: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the way to the centre of mass of what a joint moves, and that across it.
+
+    Args:
+        spec: a model.
+        joint: its name.
+
+    Returns:
+        Two unit vectors in the body's frame, (3,) each; the second is the way the joint turns.
+    """
+    model = spec.copy().compile()
+    number = model.joint(joint).id
+    centre = np.array(model.body_ipos[model.jnt_bodyid[number]])
+    length = float(np.linalg.norm(centre))
+    line = centre / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
+    return line, across(np.array(model.jnt_axis[number]), line)
+
+
+def across(axis: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """Return the way that an axis turns what is along `way`, a unit vector; zero if none, (3,)."""
+    turned = np.cross(axis, way)
+    return np.asarray(turned / max(float(np.linalg.norm(turned)), 1e-12))
+
+
 def add_point_mass(
     spec: "mujoco.MjSpec",
     joint: str,
     mass: float,
-    place: float | Sequence[float],
+    place: Sequence[float] | np.ndarray,
     own_inertia: float = 0.0,
 ) -> None:
     """Add `mass` (kg; negative takes away) to the body that a joint moves.
@@ -130,7 +154,7 @@ def add_point_mass(
         spec: changed in place.
         joint: its name.
         mass: kg.
-        place: where in the body's frame, m; one number is a distance towards its centre of mass.
+        place: where in the body's frame, m.
         own_inertia: of the mass about every axis through its centre, kg m2.
 
     Raises:
@@ -144,9 +168,7 @@ def add_point_mass(
     centre, own = np.array(model.body_ipos[number]), float(model.body_mass[number])
     if own + mass <= 0:
         raise ValueError(f"{body.name} would have a mass of {own + mass:.3g} kg")
-    length = float(np.linalg.norm(centre))
-    direction = centre / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
-    at = direction * place if isinstance(place, float) else np.array(place)
+    at = np.array(place)
     frame = np.empty(9)
     mujoco.mju_quat2Mat(frame, model.body_iquat[number])
     axes = frame.reshape(3, 3)

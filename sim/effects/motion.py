@@ -100,11 +100,11 @@ class Recording(Protocol):
     def reach(self, joint: int) -> float:
         """Return how far from a joint its device, with what hangs on it, can be, m."""
 
-    def centre_of_mass(self, joint: int) -> np.ndarray | None:
-        """Return that of the joint's body in its frame, (3,); None if it lies on the axis."""
-
-    def body(self, joint: int) -> int:
-        """Return the number of the body that a joint moves."""
+    # The body that a joint moves: its number and, in its frame, its centre of mass, (3,), None if
+    # that lies on the joint's axis, and the axis, a unit vector, (3,).
+    def body(self, joint: int) -> int: ...
+    def centre_of_mass(self, joint: int) -> np.ndarray | None: ...
+    def axis(self, joint: int) -> np.ndarray: ...
 
     def link_torque(self, body: int) -> np.ndarray:
         """Return the torques for one unit of each inertial parameter of a body, (n, joints, 10)."""

@@ -362,7 +362,8 @@ def refined(
         near = searched(rest, rows, candidate, joint, begin, free)
         found = best_of(rest, rows, candidate, [near], joint, left_out)
         # What is less simple has to leave less by what would change a number in a report.
-        if found is not None and found[1].sse < (1.0 - (MIN_GAIN if number else 0.0)) * least:
+        most = (1.0 - (MIN_GAIN if number else 0.0)) * least
+        if found is not None and found[1].sse < most and not beyond_physics(*found, candidate):
             model, least = found[0], found[1].sse
     # Coefficients must follow the order of the model's terms.
     return model, evaluate(model, rows)

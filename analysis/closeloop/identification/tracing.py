@@ -38,6 +38,7 @@ from analysis.closeloop.identification.holding import (
     passive,
 )
 from analysis.closeloop.identification.nameable import ONE_WAY, moves_one_way
+from analysis.closeloop.identification.places import with_told_places
 from analysis.closeloop.identification.presliding import rubbing_anyway
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
@@ -131,7 +132,7 @@ def _held(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[str, 
     grown, refusals = held_in_octaves(grown, rows)
     grown, driving = passive(grown, rows)
     grown, unsure = determined(in_plainest_form(grown, rows), rows)
-    grown, notes = not_worse(grown, declared, rows)
+    grown, notes = not_worse(with_told_places(grown, rows), declared, rows)
     return grown, (*refusals, *driving, *unsure, *notes)
 
 
@@ -156,7 +157,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
     grown, held = with_breakaway(grown, rows)
     grown, refusals = held_in_octaves(grown, rows, damped=True)
     grown, unsure = determined(in_plainest_form(grown, rows), rows)
-    grown, notes = not_worse(grown, declared, rows)
+    grown, notes = not_worse(with_told_places(grown, rows), declared, rows)
     progress("what splines can explain")
     beyond = explainable_by_joint(declared, rows)
     return _with_rests(

@@ -102,8 +102,8 @@ def _found(report: Mapping[str, Any]) -> list[Mapping[str, Any]]:
         angles = [name for name in parameters if name in known and known[name].in_joint_frame]
         if own_frame and angles:
             raise EffectStudyError(
-                f"{effect} has {', '.join(angles)} in the angles of the session's own "
-                'model; analyse the session with "model": "nominal" to carry it over'
+                f"{effect} has {', '.join(angles)}, told by how the session's own model counts "
+                'its angle; analyse the session with "model": "nominal" to carry it over'
             )
     if len(joints) != 1:
         raise EffectStudyError(

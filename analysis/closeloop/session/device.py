@@ -91,6 +91,10 @@ class Device:
             centre = np.array(self.model.geom_pos[geoms[0]])
         return centre if np.linalg.norm(centre) >= 1e-3 else None
 
+    def axis(self, joint: int) -> np.ndarray:
+        """Return a joint's axis in the frame of its body, a unit vector, (3,)."""
+        return np.array(self.model.jnt_axis[joint])
+
     def reach(self, joint: int) -> float:
         """Return how far from a joint its device, with what hangs on it, can be, m.
 

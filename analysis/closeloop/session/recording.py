@@ -217,6 +217,10 @@ class Recording:
         """Return that of the joint's body in its frame, (3,); None if it lies on the axis."""
         return self.device.centre_of_mass(joint)
 
+    def axis(self, joint: int) -> np.ndarray:
+        """Return a joint's axis in the frame of its body, a unit vector, (3,)."""
+        return self.device.axis(joint)
+
     def body(self, joint: int) -> int:
         """Return the number of the body that a joint moves."""
         return self.device.body(joint)

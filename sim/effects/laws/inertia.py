@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim.effects.effect import Columns, Effect, Law, Limits, Theta
-from sim.effects.elements import add_point_mass, joint_of
+from sim.effects.elements import across, add_point_mass, joint_of, line_and_across
 from sim.effects.functions import Signal
 from sim.effects.motion import Motion, RecordedJoint, Recording
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Reading, Values, named
@@ -21,13 +21,17 @@ if TYPE_CHECKING:
 
 #: Parameters of a place in a link's frame.
 PLACE = ("position_x", "position_y", "position_z")
+#: How far a load is beside the line to its link's centre of mass.
+ASIDE = "aside"
 #: Number of the column of its own inertia.
 OWN_INERTIA = 4
 #: Mass below which a place means nothing, kg, and the longest way to go at once, m.
 LEAST_LOAD, LONGEST_WAY = 1e-3, 0.3
 #: No robot carries so many times what all its links weigh.
 MOST_LOAD = 10.0
-#: How far beside its link's line a load may be, m: a hand's breadth.
+#: The furthest distance that is looked for, over that of the link's centre of mass.
+FAR = 4.0
+#: How far beside its link's line a load may be where no trial tells, m: a hand's breadth.
 OFF_LINE = 0.1
 #: No more than this share of the declared inertia can turn out not to be there.
 MAX_REMOVED = 0.7
@@ -40,9 +44,10 @@ UPRIGHT = float(np.sin(np.radians(10.0)))
 
 
 class Payload(Effect):
-    """A point mass on the link that a joint moves, on the line to its centre of mass.
+    """A point mass on the link that a joint moves, on the line to its centre of mass or beside it.
 
     At the link's centre of percussion it scales gravity and inertia alike, as a torque gain does.
+    It is beside the line only where that leaves less: trials of one posture do not tell.
     """
 
     name = "payload"
@@ -68,10 +73,20 @@ class Payload(Effect):
             floor=0.0,
             ceiling=2.0,
         ),
+        aside=Parameter(
+            "m",
+            "its distance beside that line, the way the joint turns",
+            -0.05,
+            0.05,
+            floor=-2.0,
+            ceiling=2.0,
+            in_joint_frame=True,
+        ),
     )
     coefficients: tuple[str, ...] = ("mass",)
     nonlinear: tuple[Nonlinear, ...] = (
         Nonlinear("distance", (0.4, 0.7, 1.0, 1.4, 2.0, 3.0), scaling=0.25, step=RELATIVE),
+        Nonlinear(ASIDE, shift=0.2, step=RELATIVE),
     )
     adds_mass = filters = True
 
@@ -84,37 +99,44 @@ class Payload(Effect):
         recording, number = joint.recording, joint.number
         limb = number in recording.limbs
         least = -MAX_REMOVED * recording.link_mass(number) if limb else 0.0
-        return {"mass": (least, np.inf), "distance": (0.0, recording.reach(number))}
+        reach = recording.reach(number)
+        return {"mass": (least, np.inf), "distance": (0.0, reach), ASIDE: (-reach, reach)}
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         # Where gravity does not pull, all distances fit alike: the first to be taken has to be one.
-        return [theta for theta in super().thetas(joint) if not self.beyond(joint, theta, {})]
+        every = ({"distance": share} for share in self.nonlinear[0].grid)
+        return [theta for theta in every if not self.beyond(joint, theta, {})]
+
+    def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
+        on_line, beside = {"distance": (0.0, FAR)}, {"distance": (0.0, FAR), ASIDE: (-1.0, 1.0)}
+        return [(theta, on_line), ({ASIDE: 0.0, **theta}, beside)]
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
-        # The torque of one kilogram is a quadratic in its share of the lever.
-        share, centre = theta["distance"], self._centre(joint)
-        axis, once, twice = (
-            joint.recording.mass_torque(joint.number, centre * factor) for factor in (0.0, 1.0, 2.0)
-        )
-        curve = (twice - 2 * once + axis) / 2
-        torque = axis + (once - axis - curve) * share + curve * share**2
+        torque = joint.recording.mass_torque(joint.number, self._place(joint, theta))
         return {number: torque[:, [number]] for number in joint.recording.joints}
 
     def unsaid(self, joint: RecordedJoint, theta: Theta, coefficients: np.ndarray) -> Columns:
         """Return the torque of a mass that is `OFF_LINE` beside the line to the link's centre."""
-        recording, centre = joint.recording, self._centre(joint)
+        if ASIDE in theta:
+            return {}
+        recording = joint.recording
         slopes = recording.link_torque(recording.body(joint.number))
-        slopes = slopes @ point_mass_slopes(centre * theta["distance"])
-        line = centre / np.linalg.norm(centre)
-        own = slopes[:, joint.number] @ (np.eye(3) - np.outer(line, line))
-        # Of all ways across the line that along which the joint feels most.
-        across = np.linalg.svd(own.T @ own)[0][:, 0]
+        further = slopes @ point_mass_slopes(self._place(joint, theta)) @ self._across(joint)
         size = OFF_LINE * abs(float(coefficients[0]))
-        return {number: (size * slopes[:, number] @ across)[:, None] for number in recording.joints}
+        return {number: size * further[:, [number]] for number in recording.joints}
 
     def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
         lever = float(np.linalg.norm(self._centre(joint)))
-        return {"distance": lever * theta["distance"]}
+        return {name: lever * theta[name] for name in ("distance", ASIDE) if name in theta}
+
+    def _place(self, joint: RecordedJoint, theta: Theta) -> np.ndarray:
+        """Return where the mass is in the frame of its link, m, (3,)."""
+        centre = self._centre(joint)
+        beside = theta.get(ASIDE, 0.0) * np.linalg.norm(centre)
+        return np.asarray(theta["distance"] * centre + beside * self._across(joint))
+
+    def _across(self, joint: RecordedJoint) -> np.ndarray:
+        return across(joint.recording.axis(joint.number), self._centre(joint))
 
     def _centre(self, joint: RecordedJoint) -> np.ndarray:
         centre = joint.recording.centre_of_mass(joint.number)
@@ -122,12 +144,15 @@ class Payload(Effect):
         return centre
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
-        # A way that no joint feels may be any.
-        place = [parameters.get(name, 0.0) for name in PLACE]
-        if not parameters.keys() & {"distance", *PLACE}:
+        if "distance" in parameters:
+            line, beside = line_and_across(spec, joint)
+            place = parameters["distance"] * line + parameters.get(ASIDE, 0.0) * beside
+        elif parameters.keys() & {*PLACE}:
+            # A way that no joint feels may be any.
+            place = np.array([parameters.get(name, 0.0) for name in PLACE])
+        else:
             raise ValueError("nothing says where it hangs")
-        at, inertia = parameters.get("distance", place), parameters.get("inertia", 0.0)
-        add_point_mass(spec, joint, parameters["mass"], at, inertia)
+        add_point_mass(spec, joint, parameters["mass"], place, parameters.get("inertia", 0.0))
         return self.element
 
 
@@ -157,6 +182,9 @@ class PlacedPayload(Payload):
         most = MOST_LOAD * joint.recording.mass
         place = dict.fromkeys(PLACE, (-reach, reach))
         return {"mass": (0.0, most), **place, "inertia": (0.0, most * reach**2)}
+
+    def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
+        return []
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         recording = joint.recording
@@ -280,7 +308,7 @@ class GravityTorque(Law):
         **{
             f"gravity_{way}": Parameter(
                 "m/s2",
-                f"more gravity along the model's {way}",
+                f"more gravity along {way}",
                 floor=-TURNED_ROUND,
                 ceiling=TURNED_ROUND,
             )

@@ -34,7 +34,7 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     "position_dependent_friction": ({"smooth": 0.004, "waves": 1.5}, (0.9, 0.3, 0.2)),
     "torque_offset": ({}, (0.7,)),
     "torque_gain": ({}, (-0.1,)),
-    "payload": ({"distance": 1.6}, (0.4,)),
+    "payload": ({"distance": 1.6, "aside": 0.3}, (0.4,)),
     "added_inertia": ({}, (0.05,)),
     "position_offset": ({"offset": 0.1}, (0.1,)),
     "gravity_torque": ({"turned": 0.5}, (3.0,)),

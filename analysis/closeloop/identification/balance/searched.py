@@ -43,7 +43,7 @@ def searched(
     def left(x: np.ndarray) -> np.ndarray:
         columns = candidate.effect.columns(joint, at(x))
         own = left_of(rows.stack(rest.transformed(columns), 1)[:, 0])
-        size = max(float(own @ target) / max(float(own @ own), 1e-300), 0.0)
+        size = max(float(own @ target) / max(float(own @ own), 1e-300), candidate.effect.bound(0))
         return np.asarray(target - size * own)
 
     place = 1.0 + (np.array([begin[name] for name in names]) - low) / (high - low)

@@ -109,7 +109,7 @@ def test_columns_are_finite_and_the_same_again_and_parameters_name_them(
     joint = unfitted(recording, ELBOW)
     assert effect.applies(recording, ELBOW)
     thetas = [TRUTH[effect.name][0], *effect.thetas(joint)]
-    assert {tuple(theta) for theta in thetas} == {tuple(thetas[0])}
+    assert all(set(theta) <= set(thetas[0]) for theta in thetas)
     for theta in thetas[:4]:
         readings = effect.readings(joint, theta)
         assert set(readings) <= set(effect.parameters)
@@ -226,16 +226,20 @@ def test_a_law_is_the_same_for_a_step_and_for_a_recording(
             assert step == pytest.approx(whole[i], rel=1e-9)
 
 
-def test_a_payload_is_the_torque_of_a_point_mass_on_both_joints(recording: Recording) -> None:
-    columns = BY_NAME["payload"].columns(unfitted(recording, ELBOW), {"distance": 2.0})
-    lever, upper = 2.0 * Arm().lever, 0.3
-    angle = recording.position.sum(axis=1)
-    spin = recording.acceleration.sum(axis=1)
+@pytest.mark.parametrize("aside", [0.0, 0.4, -0.4])
+def test_a_payload_is_the_torque_of_a_point_mass_on_both_joints(
+    aside: float, recording: Recording
+) -> None:
+    theta = {"distance": 2.0, "aside": aside}
+    columns = BY_NAME["payload"].columns(unfitted(recording, ELBOW), theta)
+    lever, upper = Arm().lever * np.hypot(2.0, aside), 0.3
     q1, q2 = recording.position.T
+    turned = q2 + np.arctan2(aside, 2.0)
+    spin = recording.acceleration.sum(axis=1)
     v1 = recording.velocity[:, 0]
     a1 = recording.acceleration[:, 0]
-    elbow = lever**2 * spin + 9.81 * lever * np.cos(angle)
-    elbow += upper * lever * (a1 * np.cos(q2) + v1**2 * np.sin(q2))
+    elbow = lever**2 * spin + 9.81 * lever * np.cos(q1 + turned)
+    elbow += upper * lever * (a1 * np.cos(turned) + v1**2 * np.sin(turned))
     # The point is a sphere of a millimetre to MuJoCo.
     assert columns[1][:, 0] == pytest.approx(elbow, abs=1e-5)
     assert set(columns) == {0, 1}

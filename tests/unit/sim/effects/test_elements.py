@@ -82,15 +82,18 @@ def test_two_springs_pull_as_their_sum() -> None:
     assert data.qfrc_passive[1] == pytest.approx(-2.0 * 1.1 - 4.0 * 0.5)
 
 
+@pytest.mark.parametrize("aside", [0.0, 0.06])
 @pytest.mark.parametrize("mass", [0.5, -0.5])
-def test_a_payload_changes_what_holding_and_moving_take(mass: float) -> None:
+def test_a_payload_changes_what_holding_and_moving_take(mass: float, aside: float) -> None:
     torques = []
-    for model in (spec().compile(), added("payload", {"mass": mass, "distance": 0.2})):
+    parameters = {"mass": mass, "distance": 0.2, "aside": aside}
+    for model in (spec().compile(), added("payload", parameters)):
         data = mujoco.MjData(model)
         data.qpos[:], data.qacc[:] = [0.3, 0.6], [0.0, 2.0]
         mujoco.mj_inverse(model, data)
         torques.append(float(data.qfrc_inverse[1]))
-    expected = mass * (9.81 * 0.2 * np.cos(0.9) + 0.2**2 * 2.0)
+    weight = 9.81 * (0.2 * np.cos(0.9) - aside * np.sin(0.9))
+    expected = mass * (weight + (0.2**2 + aside**2) * 2.0)
     assert torques[1] - torques[0] == pytest.approx(expected, rel=1e-5)
 
 

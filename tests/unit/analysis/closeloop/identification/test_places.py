@@ -1,0 +1,43 @@
+"""A load hangs beside its link's line where trials tell how far, and nowhere else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.findings import Grown
+from analysis.closeloop.identification.places import with_told_places
+from sim.effects.catalogue import BY_NAME
+from sim.effects.laws.inertia import ASIDE
+from tests.testbed.sessions.rich import ELBOW, added, rich_elbow
+
+MASS, ON_LINE = 0.7, {"distance": 1.6}
+
+
+def found_on_line(noise: float, aside: float) -> dict[str, float]:
+    """Return where a load is said to be that was fitted on its link's line."""
+    elbow, payload = rich_elbow(), BY_NAME["payload"]
+    true = payload.columns(unfitted(elbow, ELBOW), {**ON_LINE, ASIDE: aside})
+    effort = np.array(elbow.inverse)
+    effort[:, ELBOW] += MASS * true[ELBOW][:, 0]
+    effort += noise * np.random.default_rng(2).standard_normal(effort.shape)
+    loud = replace(elbow, effort=elbow.filtered(effort), cache={})
+    rows = select_rows(loud, (0,))
+    columns = payload.columns(unfitted(loud, ELBOW), ON_LINE)
+    model = Model(loud, terms=(added("payload", columns, ON_LINE, kept=(0,)),))
+    (term,) = with_told_places(Grown(model, evaluate(model, rows)), rows).model.terms
+    return dict(term.theta)
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.4, -0.4])
+def test_a_load_is_freed_from_its_line_where_trials_tell_where_it_hangs(aside: float) -> None:
+    """Ten kilograms made an interval of K as long as K, though told to within a centimetre."""
+    found = found_on_line(0.01, aside)
+    assert found[ASIDE] == pytest.approx(aside, abs=0.05)
+    assert found["distance"] == pytest.approx(1.6, abs=0.1)
+
+
+def test_a_load_stays_on_its_line_where_no_trial_tells_where_it_hangs() -> None:
+    assert found_on_line(20.0, 0.4) == ON_LINE
