@@ -65,7 +65,8 @@ def choose(
             equals.append(option)
     taken = min(equals, key=lambda o: (_new_parameters(o), -o.gain))
     rivals = [o for o in equals if not _nested(o, taken)]
-    taken = min(rivals, key=lambda o: (_unlikely(o), _information(o)))
+    # Of those that fit alike but for rounding the first of the catalogue.
+    taken = min(rivals, key=lambda o: (_unlikely(o), round(_information(o), 2), _place(o)))
     for twin in equals:
         # A twin with one parameter more fits at least as well; by luck, or because it is the one?
         if taken.candidate.effect.name in twin.candidate.effect.twins:
@@ -108,6 +109,11 @@ def _unlikely(option: Option) -> bool:
     """Whether an option says of its joint what its like hardly is, or would have been seen."""
     joint = unfitted(option.model.recording, option.candidate.joint)
     return option.candidate.effect.unlikely(joint, option.theta)
+
+
+def _place(option: Option) -> int:
+    """Return the place of an option's effect in the catalogue, the simplest first."""
+    return list(BY_NAME).index(option.candidate.effect.name)
 
 
 def _information(option: Option) -> float:

@@ -7,6 +7,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from analysis.closeloop.identification import selection
 from analysis.closeloop.identification.balance.luck import (
     ALONE_Z,
     MIN_TORQUE,
@@ -15,9 +16,11 @@ from analysis.closeloop.identification.balance.luck import (
 )
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows, Score, select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.selection import _worth
 from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.rich import ELBOW
 
 
@@ -153,3 +156,34 @@ def test_smoothing_takes_more_of_a_quick_motion(recording: Recording) -> None:
     # The same samples, as if a lower cutoff had been needed.
     coarse = replace(slow, recording=smoother, stacked={})
     assert 0.0 < 20.0 * slow.smoothing_power(ELBOW) < coarse.smoothing_power(ELBOW)
+
+
+@pytest.mark.parametrize("closer", ["added_inertia", "torque_gain"])
+def test_of_names_that_fit_alike_but_for_rounding_the_first_of_the_catalogue_is_said(
+    closer: str, recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Which of a gain and an inertia came first changed with the machine."""
+    monkeypatch.setattr(selection, "_worth", lambda *_: True)
+    for asked in ("only_presliding", "only_slips", "_of_form"):
+        monkeypatch.setattr(selection, asked, lambda *_: False)
+    options = [
+        cast(
+            Option,
+            SimpleNamespace(
+                candidate=Candidate(effect=BY_NAME[name], joint=ELBOW),
+                model=Model(recording),
+                score=SimpleNamespace(
+                    losses=np.ones(12), sse=9.0 - 1e-12 * (name == closer), coefficients=np.ones(1)
+                ),
+                theta={},
+                gain=5.0 + 1e-12 * (name == closer),
+                replaced=frozenset(),
+                refused="",
+            ),
+        )
+        for name in ("torque_gain", "added_inertia")
+    ]
+    current = cast(Score, SimpleNamespace(losses=np.full(12, 6.0), loss=72.0))
+    rows = select_rows(recording, (0,))
+    step = selection.choose(options, Model(recording), current, rows, 1.0)
+    assert step is not None and step.taken.candidate.effect.name == "added_inertia"
