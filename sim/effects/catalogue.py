@@ -14,6 +14,7 @@ from sim.effects.laws import (
     limb,
     load_friction,
     loose_link,
+    relaxation,
     transmission,
 )
 
@@ -29,7 +30,7 @@ EFFECTS: tuple[Effect, ...] = (
     drive.TimeDelay(),
     drive.ActuatorLag(),
     elastic.JointStiffness(),
-    limb.StressRelaxation(),
+    relaxation.StressRelaxation(),
     inertia.Payload(),
     load_friction.LoadDependent(),
     elastic.NonlinearStiffness(),

@@ -56,6 +56,8 @@ def hidden_effects(
     estimate = estimate_of(model, coefficients)
     # What was found may make room for it by another form: a softer cuff for a gain. (Opponent.)
     free = freed(model, coefficients, rows)
+    # A load beside its line is nearly a spring, and with that takes a gain in whole. (Another's.)
+    all_free = freed(model, coefficients, rows, LEAST_OWN)
     found: dict[int, list[Hidden]] = {joint: [] for joint in limbs}
     for candidate in candidates(model.recording):
         effect, joint = candidate.effect, candidate.joint
@@ -71,7 +73,7 @@ def hidden_effects(
             continue
         recorded = RecordedJoint(model.recording, joint, estimate)
         reaches = [
-            _reach(free, rows, stiffness, effect, columns)
+            _reach(all_free if effect.scales_effort else free, rows, stiffness, effect, columns)
             for columns in _variants(effect, recorded)
             if columns
         ]
@@ -131,6 +133,9 @@ def _reach(
     most = torque / size * np.abs(np.linalg.lstsq(base, stacked, rcond=None)[0][place])
     dropped = [number for number in range(width) if number not in kept]
     least = float(max(most[dropped], default=0.0))
+    if dropped and effect.scales_effort:
+        # A gain divides the whole balance, and with it stiffness.
+        least = abs(value) * max(abs(effect.gain(np.array([size])) - 1.0) for size in (-MOST, MOST))
     if not kept:
         return least
     bread = np.linalg.pinv(table.T @ table)
@@ -143,7 +148,6 @@ def _reach(
         return max(least, largest)
     scores = np.zeros((count, table.shape[1]))
     np.add.at(scores, seconds, table * (target - table @ beside)[:, None])
-    # A gain divides the whole balance, and with it stiffness.
     own = slice(base.shape[1], None)
     gain, slope = effect.gain(beside[own]), np.zeros(len(beside))
     slope[place] = gain

@@ -9,9 +9,15 @@ from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.arms.gains import GAIN, gain_of_all
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows
-from analysis.closeloop.identification.balance.uncertainty import leave_out
-from analysis.closeloop.identification.findings import Trace
-from analysis.closeloop.report.parameters import beside_its_like, parameters_of, part_of
+from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
+from analysis.closeloop.identification.findings import Step, Trace
+from analysis.closeloop.judgement.agreement import alternatives
+from analysis.closeloop.report.parameters import (
+    beside_its_like,
+    parameters_of,
+    part_of,
+    under_both,
+)
 from analysis.closeloop.report.separating import separating_trial
 from analysis.closeloop.report.shared import MASSLESS, link_parameters
 from analysis.closeloop.session.recording import Recording
@@ -35,6 +41,8 @@ LINKS = "the links"
 LEVEL = "put a level on the base, since no movement tells it from gravity along another way"
 #: Parameters of further gravity along the axes of the world.
 FURTHER_GRAVITY = tuple(GravityTorque.parameters)
+#: A fitted model under another name, with the step that has it, its coefficients and its refits.
+Renamed = tuple[tuple[str, int], Model, np.ndarray, Fits]
 
 
 def effect_entries(found: Trace) -> list[dict[str, Any]]:
@@ -44,6 +52,7 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
     named = found.verdict != Verdict.NOT_IDENTIFIABLE
     model, coefficients = found.fit_of_steps
     fits = leave_out(model, found.rows, coefficients) if steps else None
+    renamed = _renamed(found) if len(steps) > 1 else []
     entries = []
     for step in steps:
         assert fits is not None
@@ -60,16 +69,7 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
             {
                 "name": effect.name,
                 "joint": recording.name(joint),
-                "parameters": if_they_can_be(
-                    link_parameters(model, found.rows)
-                    if effect.name == LINK_INERTIA
-                    else beside_its_like(
-                        parameters_of(model, coefficients, fits, part_of(model, candidate)),
-                        model,
-                        found.rows,
-                        candidate,
-                    )
-                ),
+                "parameters": if_they_can_be(_parameters(found, step, fits, renamed)),
                 "indistinguishable_from": others,
                 "separating_trial": trial if others or not named else None,
                 "evidence": {
@@ -81,6 +81,31 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
             }
         )
     return with_places(entries, recording.device.joints)
+
+
+def _parameters(found: Trace, step: Step, fits: Fits, renamed: Sequence[Renamed]) -> dict[str, Any]:
+    """Return the parameters of a step's effect, with intervals that hold what else is said."""
+    (model, coefficients), candidate = found.fit_of_steps, step.taken.candidate
+    if candidate.effect.name == LINK_INERTIA:
+        return link_parameters(model, found.rows)
+    own = parameters_of(model, coefficients, fits, part_of(model, candidate))
+    entries = beside_its_like(own, model, found.rows, candidate)
+    for key, other, sizes, left_out in renamed:
+        if key != step.key and candidate in other.effects:
+            there = parameters_of(other, sizes, left_out, part_of(other, candidate))
+            entries = under_both(entries, there)
+    return entries
+
+
+def _renamed(found: Trace) -> list[Renamed]:
+    """Return the fitted models under other names, each with the step that has another there.
+
+    What is found beside an effect has an interval that holds its value under each of those names.
+    """
+    fits = [
+        (step.key, other.model, other.score.coefficients) for step, other in alternatives(found)
+    ]
+    return [(key, model, own, leave_out(model, found.rows, own)) for key, model, own in fits]
 
 
 def turns_all(recording: Recording, joint: int) -> bool:

@@ -64,8 +64,18 @@ def beside_its_like(
         coefficients = evaluate(wider, rows).coefficients
         fits = leave_out(wider, rows, coefficients)
         beside = parameters_of(wider, coefficients, fits, part_of(wider, candidate))
+    return under_both(entries, beside)
+
+
+def under_both(entries: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters with intervals that hold those which they have in another model, too."""
     return {
-        key: entry | {"ci90": _both(entry["ci90"], beside[key]["ci90"])}
+        key: entry
+        | {
+            word: _both(entry[word], others[key].get(word, entry[word]))
+            for word in ("ci90", "free")
+            if word in entry and key in others
+        }
         for key, entry in entries.items()
     }
 

@@ -247,7 +247,7 @@ class Drift(Law):
     includes = ("torque_offset",)
     parameters = named(
         rate=Parameter("Nm/s", "at the session's beginning"),
-        time_constant=Parameter("s", "over which it levels off"),
+        time_constant=Parameter("s", "over which it levels off", floor=0.0),
         torque_at_start=Parameter("Nm", "what the motor adds at the session's beginning"),
     )
     coefficients = ("rate", "torque_at_start")

@@ -18,8 +18,11 @@ from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named,
 if TYPE_CHECKING:
     import mujoco
 
-#: Power that stands for an exponential, and the width of that over half the range of motion.
+#: Power that stands for an exponential, and the width over half the range of motion with which a
+#: search for that begins; the width with which one begins that comes from a power, and how wide it
+#: may be, rad.
 EXPONENTIAL, END_WIDTH = 0.0, 0.35
+WIDTH, WIDTHS = 0.2, (0.02, 1.5)
 #: Powers of a torque that begins at an angle; and how far from where it seemed to it may, rad.
 POWERS, ONSET = (1.0, 2.0, EXPONENTIAL), 0.2
 #: Which way a one-sided effect acts.
@@ -193,6 +196,8 @@ class EndRange(Law):
         Nonlinear("onset", shift=0.08, step=RELATIVE),
         Nonlinear("side"),
         Nonlinear("power"),
+        # Of an exponential alone.
+        Nonlinear("width", scaling=0.2, step=RELATIVE),
     )
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
@@ -206,8 +211,10 @@ class EndRange(Law):
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         middle, half = joint.travel
+        width = {"width": END_WIDTH * half}
         return [
             {"side": side, "onset": middle + side * half * share, "power": power}
+            | (width if power == EXPONENTIAL else {})
             for side in (-1.0, 1.0)
             for share in (0.3, 0.45, 0.6, 0.75, 0.87)
             for power in POWERS
@@ -215,15 +222,16 @@ class EndRange(Law):
 
     def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
         # Between steps of the onset another power may leave less.
-        onset = theta["onset"] - ONSET, theta["onset"] + ONSET
-        powers = sorted(POWERS, key=lambda power: power != theta["power"])
-        return [({**theta, "power": power}, {"onset": onset}) for power in powers]
-
-    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
-        own = super().fixed(joint, theta)
-        if theta["power"] != EXPONENTIAL:
-            return own
-        return {**own, "width": END_WIDTH * joint.travel[1]}
+        onset = {"onset": (theta["onset"] - ONSET, theta["onset"] + ONSET)}
+        found: list[tuple[Theta, Limits]] = []
+        for power in sorted(POWERS, key=lambda power: power != theta["power"]):
+            begin = {**theta, "power": power}
+            width = begin.pop("width", WIDTH)
+            if power == EXPONENTIAL:
+                found.append(({**begin, "width": width}, onset | {"width": WIDTHS}))
+            else:
+                found.append((begin, onset))
+        return found
 
     def unit(self, parameter: str, theta: Theta) -> str:
         if parameter != "stiffness":

@@ -33,9 +33,6 @@ BETWEEN = {
 MUSCLE = 0.01
 #: Stages of a muscle's low-pass, one after the other.
 ORDER = 2
-#: Least time constant of tissue, s: up to 3 Hz, where limbs are moved, a faster Maxwell element is
-#: damping and inertia. (Set on a limb of an opponent's, with 0.02 s for friction of another form.)
-FASTEST = 0.05
 #: Beyond any angle: the reflex has no threshold angle.
 NO_ANGLE = -100.0
 
@@ -267,65 +264,6 @@ class ThixotropicStiffness(AppliedEffect):
             state = structure.stepped(state, step, abs(float(motion.velocity)) * step)
             spring = parameters["stiffness"] * float(motion.position)
             return left * (spring + parameters["torque_at_zero"])
-
-        return torque
-
-
-class StressRelaxation(AppliedEffect):
-    """A further spring whose torque is lost in time: a Maxwell element beside the declared ones.
-
-    With those it is the standard linear solid of soft tissue (Fung 1993, Biomechanics: Mechanical
-    Properties of Living Tissues, section 2.11): stiffer when fast, and after a step its torque
-    falls to that of the declared spring. A trial begins relaxed.
-    """
-
-    limb = filters = True
-    name = "stress_relaxation"
-    complexity = 2
-    signature = "after a movement the torque falls with time, on either side"
-    separating_trial = "step to three angles and hold each for twenty seconds"
-    parameters = named(
-        stiffness=Parameter("Nm/rad", "of what relaxes", floor=0.0),
-        relaxation_time=Parameter("s", "in which 63 % is lost", neutral=1.0, floor=FASTEST),
-    )
-    coefficients = ("stiffness",)
-    lower = (0.0,)
-    nonlinear = (
-        Nonlinear("relaxation_time", (0.1, 0.3, 1.0, 3.0, 10.0), scaling=0.4, step=RELATIVE),
-    )
-
-    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
-        stretch = joint.position - self._relaxed(joint, theta["relaxation_time"])
-        return {joint.number: stretch[:, None]}
-
-    def _relaxed(self, joint: RecordedJoint, time: float) -> np.ndarray:
-        """Return the angle at which it has no torque, (n,), as `Structure.along` goes over gaps."""
-        recording, place = joint.recording, joint.position
-        found = recording.lagged(place, time)
-        last = None
-        for piece in recording.slices:
-            first = piece.start
-            if last is not None and recording.trial[last] == recording.trial[first]:
-                gap = float(recording.time[first] - recording.time[last])
-                behind = time * float(place[first] - place[last]) / gap
-                left = float(found[last] - place[last]) + behind
-                late = left * np.exp(-gap / time) - behind
-                since = recording.time[piece] - recording.time[first]
-                found[piece] += late * np.exp(-since / time)
-            last = piece.stop - 1
-        return found
-
-    def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
-        kept = np.exp(-step / parameters["relaxation_time"])
-        relaxed = np.nan
-
-        def torque(motion: Motion) -> float:
-            nonlocal relaxed
-            place = float(motion.position)
-            relaxed = place if np.isnan(relaxed) else relaxed
-            stretch = place - relaxed
-            relaxed = place - kept * stretch
-            return parameters["stiffness"] * stretch
 
         return torque
 

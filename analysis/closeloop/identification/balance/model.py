@@ -145,12 +145,12 @@ def one_joint(model: Model, coefficients: np.ndarray, joint: int) -> Model:
     )
 
 
-def with_independent(model: Model, term: Term, rows: Rows) -> Model:
-    """Add the columns of `term` that the model's do not explain."""
+def with_independent(model: Model, term: Term, rows: Rows, least: float | None = None) -> Model:
+    """Add the columns of `term` of which the model leaves a share, by default its effect's own."""
     base, _ = model.base(rows)
-    least = (term.effect or Effect).least_own
     stacked = rows.stack(model.transformed(term.columns), term.width)
-    _, kept = keep_independent(base, stacked, least)
+    own = (term.effect or Effect).least_own if least is None else least
+    _, kept = keep_independent(base, stacked, own)
     return model.with_term(replace(term, kept=kept)) if kept else model
 
 

@@ -14,10 +14,20 @@ from analysis.closeloop.identification.balance.model import Model, with_independ
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.terms import Term
 from analysis.closeloop.identification.balance.uncertainty import slopes_of
+from sim.effects.effect import Effect
 
 
-def freed(model: Model, coefficients: np.ndarray, rows: Rows) -> Model:
-    """Return the model with the non-linear parameters of its effects free to first order."""
+def freed(
+    model: Model, coefficients: np.ndarray, rows: Rows, least: float = Effect.least_own
+) -> Model:
+    """Return the model with the non-linear parameters of its effects free to first order.
+
+    Args:
+        model: with effects that were found.
+        coefficients: its fit.
+        rows: the samples that are fitted.
+        least: share of the power of what a parameter does that the model has to leave.
+    """
     found = model
     for part, _, slope in slopes_of(model, coefficients):
         if part.candidate is None:
@@ -25,7 +35,7 @@ def freed(model: Model, coefficients: np.ndarray, rows: Rows) -> Model:
             continue
         columns = {joint: slope[:, [joint]] for joint in rows.joints}
         term = Term(joint=part.candidate.joint, columns=columns)
-        found = with_independent(found, term, rows)
+        found = with_independent(found, term, rows, least)
     return found
 
 

@@ -260,8 +260,14 @@ def test_a_limb_that_is_lighter_than_declared_is_a_load_of_less_than_nothing(
     (found,) = report["effects"]
     assert found["name"] == "payload"
     assert found["parameters"]["mass"]["value"] == pytest.approx(-0.5, rel=0.1)
-    stiffness = report["impedance"]["elbow"]["stiffness"]["after"]
-    assert stiffness == pytest.approx(STIFFNESS, rel=0.01)
+    stiffness = report["impedance"]["elbow"]["stiffness"]
+    low, high = stiffness["ci90_after"]
+    assert low < STIFFNESS < high and high - low < 0.2 * STIFFNESS
+    assert stiffness["after"] == pytest.approx(STIFFNESS, rel=0.02)
+    # What it lacks may be a share of everything: an unknown mass hides the effort's gain.
+    assert "torque_gain" in {
+        one["effect"] for one in report["identified"]["elbow"]["stiffness"]["could_move"]
+    }
 
 
 def test_a_counterweight_leaves_a_stiffness_that_is_in_its_interval(tmp_path: Path) -> None:

@@ -19,6 +19,8 @@ NONSENSE: list[tuple[str, dict[str, float], tuple[float, ...], str]] = [
     ("position_offset", {"offset": -0.3}, (-118.7,), "offset"),
     ("payload", {"distance": 30.0}, (0.4,), "distance"),
     ("payload", {"distance": 1.0}, (-1.9,), "mass"),
+    ("payload", {"distance": 1.0, "aside": -30.0}, (0.4,), "aside"),
+    ("drift", {"level_off": -0.1}, (0.1, 0.0), "time_constant"),
     ("actuator_lag", {"time_constant": -0.013}, (), "time_constant"),
     ("actuator_lag", {"time_constant": -0.077}, (), "time_constant"),
     ("actuator_lag", {"time_constant": 0.4}, (), "time_constant"),

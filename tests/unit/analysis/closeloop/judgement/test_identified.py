@@ -81,3 +81,22 @@ def test_what_was_found_may_have_another_form_beside_what_could_move_a_stiffness
         if hidden.effect is gain
     )
     assert free > 2.0 * held
+
+
+def test_a_gain_is_hidden_beside_a_load_that_may_hang_beside_its_line(
+    recording: Recording,
+) -> None:
+    """It takes a gain in whole, and was said to let one move K by 0.5 %: it did by 11."""
+    model, rows = limb_of(recording)
+    assert model.recording.limbs == (ELBOW,)
+    effect, (theta, size) = BY_NAME["payload"], TRUTH["payload"]
+    columns = effect.columns(unfitted(model.recording, ELBOW), theta)
+    effort = np.array(model.recording.effort)
+    effort[:, ELBOW] += columns[ELBOW] @ size
+    loaded = replace(model.recording, effort=effort, cache={})
+    rows = select_rows(loaded, (0,))
+    found = declared_model(loaded, rows).with_term(added(effect.name, columns, theta))
+    coefficients = evaluate(found, rows).coefficients
+    hidden = hidden_effects(found, coefficients, rows)[ELBOW]
+    (by,) = (one.by for one in hidden if one.effect.name == "torque_gain")
+    assert by == pytest.approx(0.25 * coefficients[0])

@@ -8,7 +8,7 @@ import pytest
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.uncertainty import leave_out
-from analysis.closeloop.report.parameters import parameters_of, part_of
+from analysis.closeloop.report.parameters import parameters_of, part_of, under_both
 from sim.effects.catalogue import BY_NAME
 from sim.effects.rigid import point_mass
 from tests.testbed.sessions.coupled import measured, moving, traced
@@ -48,3 +48,15 @@ def test_an_interval_of_a_share_ends_at_the_whole() -> None:
     fits = leave_out(model, rows, coefficients)
     told = parameters_of(model, coefficients, fits, term)["inertia_behind"]
     assert told["free"][1] > 1.0 and told["ci90"][1] == 1.0
+
+
+def test_an_interval_holds_what_a_value_is_beside_another_name() -> None:
+    """Friction beside a load that may be a gain was 0.666 to 0.667 Nm, and 0.6 beside the gain."""
+    one = {
+        "torque": {"value": 0.666, "ci90": [0.665, 0.668], "free": (0.665, 0.668)},
+        "middle": {"value": 0.1, "ci90": None},
+    }
+    other = {"torque": {"ci90": [0.597, 0.6], "free": (0.597, 0.6)}}
+    both = under_both(one, other)
+    assert both["torque"] == {"value": 0.666, "ci90": [0.597, 0.668], "free": [0.597, 0.668]}
+    assert both["middle"] == one["middle"]
