@@ -41,7 +41,11 @@ def _beside(model: Model, term: Term, rows: Rows) -> Model | None:
     if found is None:
         return None
     beside, scored = found
-    fits = leave_out(beside, rows, scored.coefficients)
-    low, high = fits.interval(fits.thetas[(*candidate.key, ASIDE)], theta[ASIDE])
+    # About an upright axis a step aside does nothing: no fit says where the load is.
+    every = leave_out(beside, rows, scored.coefficients)
+    own = every.thetas.get((*candidate.key, ASIDE))
+    if own is None:
+        return None
+    low, high = every.interval(own, theta[ASIDE])
     lever = effect.fixed(joint, {**theta, ASIDE: 1.0})[ASIDE]
     return beside if lever * (high - low) / 2.0 < OFF_LINE else None

@@ -9,6 +9,7 @@ from analysis.closeloop.identification.balance.model import Model, evaluate, unf
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Grown
 from analysis.closeloop.identification.places import with_told_places
+from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.inertia import ASIDE
 from tests.testbed.sessions.rich import ELBOW, added, rich_elbow
@@ -37,6 +38,16 @@ def test_a_load_is_freed_from_its_line_where_trials_tell_where_it_hangs(aside: f
     found = found_on_line(0.01, aside)
     assert found[ASIDE] == pytest.approx(aside, abs=0.05)
     assert found["distance"] == pytest.approx(1.6, abs=0.1)
+
+
+def test_a_load_stays_on_its_line_about_an_upright_axis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There a step aside does nothing, and no fit says where the load is."""
+
+    def weightless(own: Recording, joint: int, position: np.ndarray) -> np.ndarray:
+        return np.asarray((position @ position) * own.acceleration)
+
+    monkeypatch.setattr(Recording, "mass_torque", weightless)
+    assert found_on_line(0.01, 0.0) == ON_LINE
 
 
 def test_a_load_stays_on_its_line_where_no_trial_tells_where_it_hangs() -> None:
