@@ -284,13 +284,15 @@ def slopes_of(
             if value == parameter.usual:
                 continue
             step = parameter.step[0] + parameter.step[1] * abs(value)
+            # A time that is shorter than the step does not become less than nothing.
+            physical = part.at.effect.parameters.get(name)
+            positive = physical is not None and physical.floor >= 0.0 and value > 0.0
+            least = max(value - step, 0.5 * value) if positive else value - step
             up, down = (
-                prediction(
-                    moved(model, coefficients, part, name, value + sign * step), coefficients
-                )
-                for sign in (1.0, -1.0)
+                prediction(moved(model, coefficients, part, name, there), coefficients)
+                for there in (value + step, least)
             )
-            yield part, name, (up - down) / (2 * step)
+            yield part, name, (up - down) / (value + step - least)
 
 
 def moved(

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.closeloop.identification.balance.uncertainty import Fits, half_width, variance
+from analysis.closeloop.identification.balance.model import Model, unfitted
+from analysis.closeloop.identification.balance.uncertainty import (
+    Fits,
+    half_width,
+    slopes_of,
+    variance,
+)
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.rich import ELBOW, TRUTH, added, rich_elbow
 
 
 def test_the_interval_of_a_mean_is_students() -> None:
@@ -42,3 +50,15 @@ def test_of_a_step_that_ends_at_its_bound_an_interval_goes_as_far_the_other_way(
     assert fits.interval(np.zeros(5), 0.3, lowest=0.0) == pytest.approx((0.0, 0.6))
     # What has no bound is where all fits say that it is.
     assert fits.interval(np.zeros(5), 0.3) == pytest.approx((0.0, 0.3))
+
+
+@pytest.mark.parametrize("seconds", [0.0003, 0.03])
+def test_a_time_that_is_shorter_than_its_step_has_a_slope(seconds: float) -> None:
+    """Less than no time made a slope without end, and a stranger's session had no report."""
+    elbow, (theta, size) = rich_elbow(), TRUTH["stretch_reflex"]
+    theta = {**theta, "activation_time": seconds}
+    columns = BY_NAME["stretch_reflex"].columns(unfitted(elbow, ELBOW), theta)
+    model = Model(elbow, terms=(added("stretch_reflex", columns, theta),))
+    slopes = {name: slope for _, name, slope in slopes_of(model, np.array(size))}
+    assert "activation_time" in slopes
+    assert all(np.isfinite(slope[:, ELBOW]).all() for slope in slopes.values())
