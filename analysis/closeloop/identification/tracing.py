@@ -198,11 +198,20 @@ def _with_rests(found: Trace) -> Trace:
         return found
     rows = select_rows(recording, recording.fit_trials, rests=True)
     rows = rows.reweighted(found.explainable_before.noise)
+    # Where rests are elsewhere in every trial, as after a sensor's zero was set anew, they take the
+    # model away from what it predicted. (A stranger's: K came out below none.)
+    again = Grown(found.model, evaluate(found.model, rows), found.steps)
+    again, worse = not_worse(again, found.declared, rows)
+    if found.steps and not again.steps:
+        return found.without_names(f"fitted to the rests, too, {'; '.join(worse)}")
     return replace(
         found,
         rows=rows,
         declared_score=evaluate(found.declared, rows),
-        score=evaluate(found.model, rows),
+        model=again.model,
+        score=again.score,
+        steps=again.steps,
+        notes=(*found.notes, *worse),
     )
 
 

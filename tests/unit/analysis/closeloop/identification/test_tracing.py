@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification import tracing
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.terms import Candidate
-from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.identification.explainable import explainable
+from analysis.closeloop.identification.findings import Grown, Option, Step, Trace
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.rich import ELBOW
@@ -62,3 +64,30 @@ def test_only_where_nothing_stands_is_all_grown_again_without_what_fell(
     for tried in asked:
         assert (FALLS, ELBOW) not in tried and (STANDS, ELBOW) in tried
     assert np.isfinite(found.score.loss)
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_name_has_to_stand_with_the_rests_fitted_too(
+    recording: Recording, rows: Rows, monkeypatch: pytest.MonkeyPatch, *, stands: bool
+) -> None:
+    """A sensor whose zero was set anew before each trial had relaxing tissue, and K below none."""
+    begun = grown(recording, rows, [STANDS])
+    beyond = explainable(begun.model, rows)
+    found = Trace(
+        rows=rows,
+        declared=begun.model,
+        declared_score=begun.score,
+        model=begun.model,
+        score=begun.score,
+        steps=begun.steps,
+        verdict=Verdict.EFFECT_FOUND,
+        explainable_before=beyond,
+        explainable_after=beyond,
+    )
+    if not stands:
+        fallen = Grown(begun.model, begun.score), ("it is worse",)
+        monkeypatch.setattr(tracing, "not_worse", lambda *_: fallen)
+    again = tracing._with_rests(found)
+    assert again.verdict == (Verdict.EFFECT_FOUND if stands else Verdict.UNEXPLAINED)
+    assert again.steps == (begun.steps if stands else ())
+    assert again.notes == (() if stands else ("fitted to the rests, too, it is worse",))
