@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 #: search for that begins; the width with which one begins that comes from a power, and how wide it
 #: may be, rad.
 EXPONENTIAL, END_WIDTH = 0.0, 0.35
-WIDTH, WIDTHS = 0.2, (0.02, 1.5)
+WIDTH, WIDTHS = 0.2, (0.02, 0.5)
 #: Powers of a torque that begins at an angle; and how far from where it seemed to it may, rad.
 POWERS, ONSET = (1.0, 2.0, EXPONENTIAL), 0.2
 #: Which way a one-sided effect acts.

@@ -265,9 +265,7 @@ def test_a_limb_that_is_lighter_than_declared_is_a_load_of_less_than_nothing(
     assert low < STIFFNESS < high and high - low < 0.2 * STIFFNESS
     assert stiffness["after"] == pytest.approx(STIFFNESS, rel=0.02)
     # What it lacks may be a share of everything: an unknown mass hides the effort's gain.
-    assert "torque_gain" in {
-        one["effect"] for one in report["identified"]["elbow"]["stiffness"]["could_move"]
-    }
+    assert "torque_gain" in {one["effect"] for one in report["identified"]["elbow"]["could_move"]}
 
 
 def test_a_counterweight_leaves_a_stiffness_that_is_in_its_interval(tmp_path: Path) -> None:
@@ -296,6 +294,14 @@ def test_an_axis_that_stands_upright_may_be_tilted_but_that_is_said_last(tmp_pat
     report = answer(tmp_path, upright, truth, lambda _t, q, _v: -0.8 * (q - 1.0) ** 3)
     (found,) = report["effects"]
     assert found["name"] == "nonlinear_stiffness"
-    assert found["indistinguishable_from"] == ["gravity_torque"]
+    # Where it hardens this little an exponential to one side is as good, with the same K.
+    assert (
+        {"gravity_torque"}
+        <= {*found["indistinguishable_from"]}
+        <= {
+            "gravity_torque",
+            "end_range_torque",
+        }
+    )
     low, high = report["impedance"]["elbow"]["stiffness"]["ci90_after"]
     assert low < STIFFNESS < high
