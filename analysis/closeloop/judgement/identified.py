@@ -135,7 +135,8 @@ def _reach(
     least = float(max(most[dropped], default=0.0))
     if dropped and effect.scales_effort:
         # A gain divides the whole balance, and with it stiffness.
-        least = abs(value) * max(abs(effect.gain(np.array([size])) - 1.0) for size in (-MOST, MOST))
+        gains = [effect.gain(np.array([share])) for share in (-MOST, MOST)]
+        least = abs(value) * max(abs(gain - 1.0) for gain in gains)
     if not kept:
         return least
     bread = np.linalg.pinv(table.T @ table)

@@ -71,7 +71,7 @@ class Late(Effect):
 
 
 #: Every residual has this sign; who thinks of a torque on the joint has to be told.
-WHAT = "what the motor must add; opposite to one on the joint"
+WHAT = "what the motor must add; a torque on the joint has the opposite sign"
 
 
 class TorqueOffset(Law):

@@ -47,7 +47,7 @@ class Payload(Effect):
     """A point mass on the link that a joint moves, on the line to its centre of mass or beside it.
 
     At the link's centre of percussion it scales gravity and inertia alike, as a torque gain does.
-    It is beside the line only where that leaves less: trials of one posture do not tell.
+    It is beside the line only where that leaves less, or where trials tell how far.
     """
 
     name = "payload"

@@ -32,6 +32,18 @@ def limb_of(recording: Recording) -> tuple[Model, Rows]:
     return declared_model(limb, rows), rows
 
 
+def limb_with(name: str, recording: Recording) -> tuple[Model, Rows]:
+    """Return the limb's model with an effect that its recording has, and the rows to fit."""
+    limb, _ = limb_of(recording)
+    effect, (theta, size) = BY_NAME[name], TRUTH[name]
+    columns = effect.columns(unfitted(limb.recording, ELBOW), theta)
+    effort = np.array(limb.recording.effort)
+    effort[:, ELBOW] += columns[ELBOW] @ size
+    measured = replace(limb.recording, effort=effort, cache={})
+    rows = select_rows(measured, (0,))
+    return declared_model(measured, rows).with_term(added(name, columns, theta)), rows
+
+
 @pytest.mark.parametrize(
     ("torque", "imitated", "least", "most"),
     [(1e-16, 1.0, 0.0, 0.0), (1.0, 1.0, 0.5, 5.0), (1.0, 0.9999, 0.1, 2.5)],
@@ -63,17 +75,10 @@ def test_what_was_found_may_have_another_form_beside_what_could_move_a_stiffness
     recording: Recording,
 ) -> None:
     """A stiffer cuff made room for a gain of 54 % of K, which was told as 0.2 % (an opponent's)."""
-    model, rows = limb_of(recording)
-    effect, (theta, size) = BY_NAME["end_range_torque"], TRUTH["end_range_torque"]
-    columns = effect.columns(unfitted(model.recording, ELBOW), theta)
-    effort = np.array(model.recording.effort)
-    effort[:, ELBOW] += columns[ELBOW] @ size
-    bent = replace(model.recording, effort=effort, cache={})
-    rows = select_rows(bent, (0,))
-    found = declared_model(bent, rows).with_term(added(effect.name, columns, theta))
+    found, rows = limb_with("end_range_torque", recording)
     coefficients = evaluate(found, rows).coefficients
     gain = BY_NAME["torque_gain"]
-    recorded = RecordedJoint(bent, ELBOW, estimate_of(found, coefficients))
+    recorded = RecordedJoint(found.recording, ELBOW, estimate_of(found, coefficients))
     held = _reach(found, rows, (0, float(coefficients[0])), gain, gain.columns(recorded, {}))
     (free,) = (
         hidden.by
@@ -87,15 +92,7 @@ def test_a_gain_is_hidden_beside_a_load_that_may_hang_beside_its_line(
     recording: Recording,
 ) -> None:
     """It takes a gain in whole, and was said to let one move K by 0.5 %: it did by 11."""
-    model, rows = limb_of(recording)
-    assert model.recording.limbs == (ELBOW,)
-    effect, (theta, size) = BY_NAME["payload"], TRUTH["payload"]
-    columns = effect.columns(unfitted(model.recording, ELBOW), theta)
-    effort = np.array(model.recording.effort)
-    effort[:, ELBOW] += columns[ELBOW] @ size
-    loaded = replace(model.recording, effort=effort, cache={})
-    rows = select_rows(loaded, (0,))
-    found = declared_model(loaded, rows).with_term(added(effect.name, columns, theta))
+    found, rows = limb_with("payload", recording)
     coefficients = evaluate(found, rows).coefficients
     hidden = hidden_effects(found, coefficients, rows)[ELBOW]
     (by,) = (one.by for one in hidden if one.effect.name == "torque_gain")

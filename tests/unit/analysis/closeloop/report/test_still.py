@@ -43,4 +43,4 @@ def test_an_event_has_the_torque_that_somebody_puts_on_the_joint_too(recording: 
     (again,) = untouched(recording, [Event(trial=0, joint=0, begin=1.0, end=1.5, peak=-1.0)] * 2)
     assert recording.session.trials[0].file in again and "nobody" in again
     offset = BY_NAME["torque_offset"].parameters["torque"]
-    assert offset.description.endswith("opposite to one on the joint")
+    assert offset.description.endswith("a torque on the joint has the opposite sign")
