@@ -47,6 +47,7 @@ EFFECTS: tuple[Effect, ...] = (
     load_friction.QuadraticLoad(),
     friction.PositionDependent(),
     elastic.EndRange(),
+    elastic.SofteningStiffness(),
     transmission.TorqueRipple(),
     limb.ThixotropicStiffness(),
     limb.StretchReflex(),

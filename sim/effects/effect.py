@@ -76,6 +76,8 @@ class Effect(ABC):
     grows_from: tuple[str, ...] = ()
     #: Effects that this one imitates nearly whole: only a paired test tells the two apart.
     twins: tuple[str, ...] = ()
+    #: Effects that are not asked for beside this one: it is the one or the other.
+    not_beside: tuple[str, ...] = ()
     #: Whether the motion does not determine its torque at rest, as that of friction.
     rubs: bool = False
     #: Whether it is a limb's own and goes with the place alone: behind a spring, that of the limb.

@@ -78,7 +78,7 @@ def options_beside(
     covered = {
         (simple, candidate.joint)
         for candidate in model.effects
-        for simple in candidate.effect.includes
+        for simple in (*candidate.effect.includes, *candidate.effect.not_beside)
     }
     known = {term.at.key for term in model.terms if term.effect is not None}
     options = []

@@ -154,7 +154,7 @@ class CoupledMotor(Law):
         damping=Parameter("Nm s/rad", "its viscous friction", floor=0.0),
         inertia=Parameter("kg m2", "of its rotor", floor=0.0),
         other_dof=Parameter("1", "number of the other joint"),
-        sense=Parameter("1", "1 for the sum of both speeds, -1 for the difference"),
+        sense=Parameter("1", "1: sum of both speeds, -1: difference"),
     )
     coefficients = ("torque", "damping", "inertia")
     lower = (0.0,)

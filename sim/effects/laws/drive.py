@@ -219,7 +219,7 @@ class ActuatorLag(Late):
 
     name = "actuator_lag"
     complexity = 1
-    signature = "fast parts of the torque are missing and late, slow ones are not"
+    signature = "fast parts of the torque are missing and late"
     element = "actuator/general/@dynprm (filter)"
     separating_trial = "sweep the joint from slow to fast with a small amplitude"
     parameters = named(
@@ -241,7 +241,7 @@ class Drift(Law):
 
     name = "drift"
     complexity = 3
-    signature = "the residual changes from trial to trial in the order they were run"
+    signature = "the residual changes from trial to trial in their order"
     separating_trial = "repeat the first trial at the end of the session"
     # What creeps did so before the first sample, too.
     includes = ("torque_offset",)

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.effects.effect import Columns, Effect, Law, Limits, Theta
 from sim.effects.elements import add_damping, add_spring, joint_of
-from sim.effects.functions import Signal, at_least, at_most, expm1
+from sim.effects.functions import Signal, at_least, at_most, expm1, tanh
 from sim.effects.motion import Motion, RecordedJoint, Recording
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named, size
 
@@ -23,8 +23,13 @@ if TYPE_CHECKING:
 #: may be, rad.
 EXPONENTIAL, END_WIDTH = 0.0, 0.35
 WIDTH, WIDTHS = 0.2, (0.02, 0.5)
-#: Powers of a torque that begins at an angle; and how far from where it seemed to it may, rad.
+#: Powers of a torque that begins at an angle; and how far it, or a middle, may be from where it
+#: seemed, rad.
 POWERS, ONSET = (1.0, 2.0, EXPONENTIAL), 0.2
+#: Over half the travel: widths with which the search for a spring that yields begins; the widest
+#: one, of which a cubic says the same; and how far it may be from the middle, beyond which only one
+#: side of it is seen.
+YIELDS, WIDEST_YIELD, ASIDE_YIELD = (0.2, 0.45), 0.7, 0.5
 #: Which way a one-sided effect acts.
 SIDE = Parameter(
     "1",
@@ -126,6 +131,8 @@ class NonlinearStiffness(Law):
         ),
         centre=Parameter("rad", "angle without torque", 0.5, 1.5, neutral=1.0, in_joint_frame=True),
     )
+    # One that yields nearly undoes one that hardens: it is the one or the other.
+    not_beside: tuple[str, ...] = ("softening_stiffness",)
     coefficients: tuple[str, ...] = ("cubic_stiffness",)
     nonlinear = (Nonlinear("centre", shift=0.1, step=RELATIVE),)
 
@@ -138,6 +145,56 @@ class NonlinearStiffness(Law):
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         middle, half = joint.travel
         return [{"centre": middle + half * share} for share in np.linspace(-1.4, 1.4, 15)]
+
+
+class SofteningStiffness(Law):
+    """A spring that yields: T tanh((q - c) / w), stiff within w of c and hardly so far from it.
+
+    The declared K is then that far from c; at c it is K + T / w.
+    """
+
+    limb = elastic = True
+    name = "softening_stiffness"
+    complexity = 3
+    signature = "against position the residual is an S, level at its ends, the same both ways"
+    separating_trial = "move slowly through a wider range, both ways"
+    parameters = named(
+        torque=Parameter("Nm", "at which it yields; over the width, stiffness beyond K", floor=0.0),
+        centre=Parameter("rad", "angle without torque", in_joint_frame=True),
+        width=Parameter("rad", "from there until it yields", neutral=0.3, floor=0.02),
+    )
+    coefficients = ("torque",)
+    lower = (0.0,)
+    not_beside = ("nonlinear_stiffness",)
+    nonlinear = (
+        Nonlinear("centre", shift=0.05, step=RELATIVE),
+        Nonlinear("width", scaling=0.2, step=RELATIVE),
+    )
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        away = (motion.position - parameters["centre"]) / parameters["width"]
+        return parameters["torque"] * tanh(away)
+
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        middle, half = joint.travel
+        return [
+            {"centre": middle + half * share, "width": half * width}
+            for share in np.linspace(-ASIDE_YIELD, ASIDE_YIELD, 5)
+            for width in YIELDS
+        ]
+
+    def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
+        centre = theta["centre"]
+        return [(theta, {"centre": (centre - ONSET, centre + ONSET), "width": WIDTHS})]
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        middle, half = joint.travel
+        aside = ASIDE_YIELD * half
+        return {
+            **super().limits(joint),
+            "centre": (middle - aside, middle + aside),
+            "width": (self.parameters["width"].floor, WIDEST_YIELD * half),
+        }
 
 
 class HardeningSpring(NonlinearStiffness):
@@ -154,7 +211,7 @@ class HardeningSpring(NonlinearStiffness):
     parameters = named(
         cubic_stiffness=Parameter("Nm/rad3", "by which the spring hardens; below 0 it softens"),
         centre=Parameter("rad", "angle where it is least stiff", in_joint_frame=True),
-        stiffness=Parameter("Nm/rad", "of the spring at that angle"),
+        stiffness=Parameter("Nm/rad", "of the spring there"),
         torque_at_zero=Parameter("Nm", "what the motor adds at position 0"),
     )
     coefficients = ("cubic_stiffness", "stiffness", "torque_at_zero")
@@ -169,9 +226,7 @@ class EndRange(Law):
     limb = elastic = True
     name = "end_range_torque"
     complexity = 3
-    signature = (
-        "the residual is flat over most of the range and rises at one end, the same both ways"
-    )
+    signature = "the residual is flat but for one end, where it rises, the same both ways"
     separating_trial = "move slowly beyond the angle where the torque begins, both ways"
     owner = "human"
     parameters = named(

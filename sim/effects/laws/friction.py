@@ -88,7 +88,7 @@ class Coulomb(Friction):
     signature = "the residual steps with the sign of the velocity, equally high at every speed"
     element = "joint/@frictionloss"
     separating_trial = "move to and fro through the same range at two constant speeds"
-    parameters = named(torque=size("Nm", 3.0, "friction of the robot's joint"))
+    parameters = named(torque=size("Nm", 3.0, "friction"))
     coefficients = ("torque",)
     varies = False
 
@@ -109,7 +109,7 @@ class Viscous(Law):
     element = "joint/@damping"
     separating_trial = "move to and fro through the same range at three speeds"
     owner = "robot"
-    parameters = named(damping=size("Nm s/rad", 2.0, "further damping of the robot's joint"))
+    parameters = named(damping=size("Nm s/rad", 2.0, "further damping"))
     coefficients = ("damping",)
     lower = (0.0,)
     directed = filters = True
@@ -192,7 +192,7 @@ class Asymmetric(Friction):
         viscous_difference=size(
             "Nm s/rad", 1.0, "damping in flexion less that in extension", low=-1.0
         ),
-        viscous_mean=size("Nm s/rad", 1.0, "mean of both, beside what is declared"),
+        viscous_mean=size("Nm s/rad", 1.0, "mean of both"),
     )
     lower = (0.0, -np.inf, -np.inf, 0.0)
     undetermined = (1,)

@@ -63,10 +63,10 @@ class Payload(Effect):
         f"a load {OFF_LINE:g} m beside the line from the joint to its link's centre of mass"
     )
     parameters = named(
-        mass=Parameter("kg", "mass on the robot's link", 0.0, 1.0, switches=True, floor=-0.45),
+        mass=Parameter("kg", "mass on the link", 0.0, 1.0, switches=True, floor=-0.45),
         distance=Parameter(
             "m",
-            "its distance from the joint, towards the link's centre of mass",
+            "from the joint, towards the link's centre of mass",
             0.05,
             0.3,
             neutral=0.1,
@@ -75,7 +75,7 @@ class Payload(Effect):
         ),
         aside=Parameter(
             "m",
-            "its distance beside that line, the way the joint turns",
+            "beside that line, the way the joint turns",
             -0.05,
             0.05,
             floor=-2.0,
@@ -166,7 +166,7 @@ class PlacedPayload(Payload):
 
     complexity = 5
     parameters = named(
-        mass=Parameter("kg", "mass on the robot's link", floor=0.0),
+        mass=Parameter("kg", "mass on the link", floor=0.0),
         **{
             name: Parameter("m", "where its centre of mass is, in the link's frame")
             for name in PLACE
@@ -267,9 +267,7 @@ class AddedInertia(Law):
     separating_trial = "shake the joint in two postures that differ in gravity"
     owner = "robot"
     parameters = named(
-        inertia=Parameter(
-            "kg m2", "further inertia of the robot's joint", 0.0, 0.1, switches=True, floor=-0.14
-        )
+        inertia=Parameter("kg m2", "further inertia", 0.0, 0.1, switches=True, floor=-0.14)
     )
     coefficients = ("inertia",)
     adds_mass = filters = True
@@ -308,7 +306,7 @@ class GravityTorque(Law):
         **{
             f"gravity_{way}": Parameter(
                 "m/s2",
-                f"more gravity along {way}",
+                f"more along {way}",
                 floor=-TURNED_ROUND,
                 ceiling=TURNED_ROUND,
             )

@@ -180,7 +180,7 @@ class Thixotropy(AppliedEffect):
     limb = True
     name = "thixotropy"
     complexity = 5
-    signature = "the first movement after a rest meets more resistance than the next ones"
+    signature = "the first movement after a rest meets more resistance than the next"
     separating_trial = "rest ten seconds, then move to and fro five times without a pause"
     parameters = named(
         torque=Parameter("Nm", "that a long rest adds to that of moving", floor=0.0),

@@ -90,9 +90,7 @@ class SeriesElasticity(LooseLink):
 
     name = "series_elasticity"
     complexity = 2
-    signature = (
-        "the residual follows the second derivative of the torque: ringing after fast changes"
-    )
+    signature = "the residual follows the torque's second derivative: it rings"
     element = "applied torque"
     separating_trial = "push the joint with short pulses, and record the limb's own angle"
     parameters = named(

@@ -287,6 +287,24 @@ def test_a_spring_that_hardens_stays_one_where_gravity_pulls(tmp_path: Path) -> 
     assert found["parameters"]["cubic_stiffness"]["value"] == pytest.approx(3.0, rel=0.05)
 
 
+@pytest.mark.parametrize(("yields", "width"), [(1.0, 0.2), (1.5, 0.3)])
+def test_a_spring_that_yields_is_no_ripple_of_the_robot(
+    tmp_path: Path, yields: float, width: float
+) -> None:
+    """A stranger's was one wave over the range, and K up to 45 % off."""
+    report = answered(
+        tmp_path,
+        ATTRIBUTES,
+        ATTRIBUTES,
+        lambda _t, q, _v: -yields * np.tanh((q - 1.1) / width),
+    )
+    (found,) = report["effects"]
+    assert found["name"] == "softening_stiffness"
+    assert found["parameters"]["torque"]["value"] == pytest.approx(yields, rel=0.1)
+    assert found["parameters"]["width"]["value"] == pytest.approx(width, rel=0.1)
+    assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(STIFFNESS, rel=0.05)
+
+
 def test_an_axis_that_stands_upright_may_be_tilted_but_that_is_said_last(tmp_path: Path) -> None:
     mjcf = LIMB.changed('gravity="0 0 0"', 'gravity="0 0 -9.81"')
     upright = replace(LIMB, mjcf=mjcf, centre=(0.6,))

@@ -76,6 +76,7 @@ def test_an_industrial_robot_has_no_reflex(recording: Recording) -> None:
         "stress_relaxation",
         "end_range_torque",
         "nonlinear_stiffness",
+        "softening_stiffness",
         "gravity_torque",
     }
     assert {effect.name for effect in EFFECTS if effect.limb} == of_limbs
