@@ -3,14 +3,19 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from analysis.closeloop.identification.balance.luck import MIN_LATER_GAIN, MIN_Z
+from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_LATER_GAIN, MIN_Z
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
 from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import options_beside, refined
+from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.growing.steps import grow
 from sim.effects.catalogue import BY_NAME
+
+#: Share of what splines can explain of the declared model that has to be left for the next ones to
+#: be asked, how many are, and the share of the loss that one of them may leave.
+LEFT, FOREMOST, LEAVES = 0.1, 3, 0.5
 
 
 def regrown(
@@ -35,11 +40,15 @@ def regrown(
             grown = again
     for begun in damped_starts(grown, declared, rows, before):
         again, _ = grow(begun, rows, before, progress)
-        # What was begun with has to be needed at the end, too.
-        bare = evaluate(again.model.without(begun.steps[0].taken.candidate), rows)
-        gain, error = compare(bare.losses, again.score.losses)
-        if gain > MIN_Z * error and better(again, grown):
+        if _needs(again, begun, rows) and better(again, grown):
             grown = again
+    for begun in next_starts(grown, declared, rows, before):
+        progress("other effects to begin with")
+        again, _ = grow(begun, rows, before, progress)
+        if not _needs(again, begun, rows):
+            again = _without_first(again, begun, rows)
+        if again.score.loss < LEAVES * grown.score.loss and better(again, grown):
+            return again
     return grown
 
 
@@ -56,13 +65,9 @@ def simpler_starts(grown: Grown, rows: Rows, before: Score) -> list[Grown]:
             own = option.candidate
             if not richer.includes(own) or option.refused:
                 continue
-            alone = _alone(option)
-            model, score = refined(replace(option, model=alone, score=evaluate(alone, rows)), rows)
-            gain, error = compare(before.losses, score.losses)
-            taken = replace(option, model=model, score=score, gain=gain, z=gain / error)
-            if taken.z > MIN_Z:
-                step = replace(first, taken=taken, equals=(), before=before.loss)
-                starts.append(Grown(model, score, (step,)))
+            begun = _begun(replace(first, taken=option), rows, before)
+            if begun.steps[0].taken.z > MIN_Z:
+                starts.append(begun)
     return starts
 
 
@@ -89,6 +94,51 @@ def damped_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> l
         for option in options_beside(declared, rows, before, tried)
         if not option.refused and option.z > MIN_Z
     ]
+
+
+def next_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> list[Grown]:
+    """Return the next best first effects, each alone, where what was found leaves much.
+
+    The best may have stood for two: a reflex and a load were stiffness that rest builds up, and
+    neither was looked for beside that. (A stranger's.)
+    """
+    if not grown.steps:
+        return []
+    whole, left = explainable(declared, rows), explainable(grown.model, rows)
+    if left.z <= MIN_Z or left.remains <= LEFT * whole.remains:
+        return []
+    first, starts = grown.steps[0], []
+    for option in first.options:
+        same = option.candidate == first.taken.candidate
+        if same or option.refused or option.gain <= LARGE_GAIN * before.loss:
+            continue
+        starts.append(_begun(replace(first, taken=option), rows, before))
+        if len(starts) == FOREMOST:
+            break
+    return starts
+
+
+def _begun(step: Step, rows: Rows, before: Score) -> Grown:
+    """Return a step's effect alone, refined."""
+    option, alone = step.taken, _alone(step.taken)
+    model, score = refined(replace(option, model=alone, score=evaluate(alone, rows)), rows)
+    gain, error = compare(before.losses, score.losses)
+    taken = replace(option, model=model, score=score, gain=gain, z=gain / error)
+    return Grown(model, score, (replace(step, taken=taken, equals=(), before=before.loss),))
+
+
+def _needs(again: Grown, begun: Grown, rows: Rows) -> bool:
+    """Whether what was begun with is needed at the end, too."""
+    bare = evaluate(again.model.without(begun.steps[0].taken.candidate), rows)
+    gain, error = compare(bare.losses, again.score.losses)
+    return gain > MIN_Z * error
+
+
+def _without_first(again: Grown, begun: Grown, rows: Rows) -> Grown:
+    """Return what was found without what that was begun with."""
+    model = again.model.without(begun.steps[0].taken.candidate)
+    steps = tuple(step for step in again.steps if step.key != begun.steps[0].key)
+    return Grown(model, evaluate(model, rows), steps)
 
 
 def _alone(option: Option) -> Model:

@@ -212,6 +212,31 @@ def test_damping_is_found_though_coulomb_friction_alone_would_turn_as_wide_as_to
     assert not damped_starts(found, declared, rows, before)
 
 
+@pytest.mark.parametrize("missing", [True, False])
+def test_where_the_best_first_effect_leaves_much_the_next_ones_are_tried_in_its_place(
+    elbow: Recording, monkeypatch: pytest.MonkeyPatch, missing: bool
+) -> None:
+    """A reflex and a load were stiffness that rest builds up, and neither was asked beside it."""
+    load = torque(elbow, "payload", {"distance": 1.6}, 0.4)
+    cube = torque(elbow, "nonlinear_stiffness", {"centre": 1.0}, 20.0)
+    rows = rows_with(elbow, load + (cube if missing else 0.0))
+    declared = Model(rows.recording)
+    before = evaluate(declared, rows)
+    tried = [candidate(name) for name in ("payload", "nonlinear_stiffness", "joint_stiffness")]
+    monkeypatch.setattr(steps, "candidates", lambda _: tried)
+    options = options_beside(declared, rows, before, tried)
+    first = next(o for o in options if o.candidate.effect.name != "nonlinear_stiffness")
+    if missing:
+        first = next(o for o in options if o.candidate.effect.name == "joint_stiffness")
+    step = Step(taken=first, equals=(), options=tuple(options), before=before.loss)
+    found = regrown(Grown(first.model, first.score, (step,)), declared, rows, before)
+    if not missing:
+        assert found.steps == (step,)
+        return
+    assert sorted(s.key[0] for s in found.steps) == ["nonlinear_stiffness", "payload"]
+    assert found.score.loss < 0.01 * first.score.loss
+
+
 def test_friction_found_later_may_explain_what_was_found_before(
     elbow: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
