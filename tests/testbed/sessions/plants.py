@@ -131,7 +131,7 @@ def write_recordings(
     truth: str = "",
     beyond: Beyond | None = None,
     rate: float = 100.0,
-    seconds: float = 12.0,
+    seconds: float = 8.0,
     trials: int = 5,
 ) -> None:
     """Simulate trials and a holdout, and write them as a session with the declared model.

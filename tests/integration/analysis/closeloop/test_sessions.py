@@ -23,8 +23,8 @@ from tests.testbed.sessions.small import Folder
 from tests.testbed.sessions.synthetic import write_session
 
 SEED = 3
-#: Hz: half of what measurements of the method record; the bounds are the same.
-RATE = 250.0
+#: Hz: a quarter of what measurements of the method record; the bounds are the same.
+RATE = 125.0
 
 
 def found(tmp_path: Path, *effects: str, rate: float = RATE) -> tuple[dict[str, Any], Arm]:
@@ -168,7 +168,7 @@ def test_an_effect_without_a_native_element_runs_as_an_applied_torque(tmp_path: 
 def test_what_no_effect_explains_is_described_and_not_named(
     tmp_path: Path, effect: str, signal: str
 ) -> None:
-    report, _ = found(tmp_path, effect)
+    report, _ = found(tmp_path, effect, rate=2.0 * RATE)
     assert report["verdict"] == "unexplained" and report["effects"] == []
     left = report["unexplained"]["elbow"]
     assert signal in left["depends_on"] and left["rms"] > 0.1
