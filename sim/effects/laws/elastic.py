@@ -28,7 +28,7 @@ WIDTH, WIDTHS = 0.2, (0.02, 0.5)
 POWERS, ONSET = (1.0, 2.0, EXPONENTIAL), 0.2
 #: Over half the travel: widths with which the search for a spring that yields begins; the widest
 #: one, of which a cubic says the same; and how far it may be from the middle, beyond which only one
-#: side of it is seen.
+#: side of it is seen. (Set while looking at a stranger's three, and at sets of names of our own.)
 YIELDS, WIDEST_YIELD, ASIDE_YIELD = (0.2, 0.45), 0.7, 0.5
 #: Which way a one-sided effect acts.
 SIDE = Parameter(

@@ -14,7 +14,8 @@ from analysis.closeloop.identification.growing.steps import grow
 from sim.effects.catalogue import BY_NAME
 
 #: Share of what splines can explain of the declared model that has to be left for the next ones to
-#: be asked, how many are, and the share of the loss that one of them may leave.
+#: be asked, how many are, and the share of the loss that one of them may leave. (That the gain
+#: counts, not how sure it is, was set while looking at a stranger's reflex with a load.)
 LEFT, FOREMOST, LEAVES = 0.1, 3, 0.5
 
 
