@@ -156,7 +156,7 @@ class SofteningStiffness(Law):
     limb = elastic = True
     name = "softening_stiffness"
     complexity = 3
-    signature = "against position the residual is an S, level at its ends, the same both ways"
+    signature = "against position the residual is an S, the same both ways"
     separating_trial = "move slowly through a wider range, both ways"
     parameters = named(
         torque=Parameter("Nm", "at which it yields; over the width, stiffness beyond K", floor=0.0),

@@ -192,7 +192,7 @@ class Asymmetric(Friction):
         viscous_difference=size(
             "Nm s/rad", 1.0, "damping in flexion less that in extension", low=-1.0
         ),
-        viscous_mean=size("Nm s/rad", 1.0, "mean of both"),
+        viscous_mean=size("Nm s/rad", 1.0, "mean of both, beside what is declared"),
     )
     lower = (0.0, -np.inf, -np.inf, 0.0)
     undetermined = (1,)

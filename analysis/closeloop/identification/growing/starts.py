@@ -1,7 +1,8 @@
 """Other first effects to begin with, where one effect at a time may have begun with a wrong one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import islice
 
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_LATER_GAIN, MIN_Z
 from analysis.closeloop.identification.balance.model import Model, evaluate
@@ -43,7 +44,7 @@ def regrown(
         again, _ = grow(begun, rows, before, progress)
         if _needs(again, begun, rows) and better(again, grown):
             grown = again
-    for begun in next_starts(grown, declared, rows, before):
+    for begun in islice(next_starts(grown, declared, rows, before), FOREMOST):
         progress("other effects to begin with")
         again, _ = grow(begun, rows, before, progress)
         if not _needs(again, begun, rows):
@@ -97,26 +98,22 @@ def damped_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> l
     ]
 
 
-def next_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> list[Grown]:
-    """Return the next best first effects, each alone, where what was found leaves much.
+def next_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> Iterator[Grown]:
+    """Yield the next best first effects, each alone, where what was found leaves much.
 
     The best may have stood for two: a reflex and a load were stiffness that rest builds up, and
     neither was looked for beside that. (A stranger's.)
     """
     if not grown.steps:
-        return []
+        return
     whole, left = explainable(declared, rows), explainable(grown.model, rows)
     if left.z <= MIN_Z or left.remains <= LEFT * whole.remains:
-        return []
-    first, starts = grown.steps[0], []
+        return
+    first = grown.steps[0]
     for option in first.options:
         same = option.candidate == first.taken.candidate
-        if same or option.refused or option.gain <= LARGE_GAIN * before.loss:
-            continue
-        starts.append(_begun(replace(first, taken=option), rows, before))
-        if len(starts) == FOREMOST:
-            break
-    return starts
+        if not (same or option.refused or option.gain <= LARGE_GAIN * before.loss):
+            yield _begun(replace(first, taken=option), rows, before)
 
 
 def _begun(step: Step, rows: Rows, before: Score) -> Grown:

@@ -237,6 +237,26 @@ def test_where_the_best_first_effect_leaves_much_the_next_ones_are_tried_in_its_
     assert found.score.loss < 0.01 * first.score.loss
 
 
+def test_a_spring_that_yields_is_not_asked_for_beside_one_that_hardens(elbow: Recording) -> None:
+    """With both of them a stranger's two ends of range had K = -9 (-99 to 81)."""
+    sizes = {
+        "nonlinear_stiffness": {"centre": 1.0},
+        "softening_stiffness": {"centre": 1.0, "width": 0.2},
+    }
+    both = sum(torque(elbow, name, theta, 10.0) for name, theta in sizes.items())
+    rows = rows_with(elbow, both)
+    asked = [candidate(name) for name in sizes]
+
+    def offered(model: Model) -> set[str]:
+        options = options_beside(model, rows, evaluate(model, rows), asked)
+        return {option.candidate.effect.name for option in options}
+
+    bare = Model(rows.recording)
+    assert offered(bare) == set(sizes)
+    for name, theta in sizes.items():
+        assert not offered(bare.with_term(term(rows, name, theta)))
+
+
 def test_friction_found_later_may_explain_what_was_found_before(
     elbow: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
