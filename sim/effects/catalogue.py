@@ -48,6 +48,7 @@ EFFECTS: tuple[Effect, ...] = (
     friction.PositionDependent(),
     elastic.EndRange(),
     elastic.SofteningStiffness(),
+    elastic.BothEnds(),
     transmission.TorqueRipple(),
     limb.ThixotropicStiffness(),
     limb.StretchReflex(),

@@ -72,7 +72,7 @@ class Effect(ABC):
     # Beside other effects.
     #: Effects whose torque is a special case of this one.
     includes: tuple[str, ...] = ()
-    #: Simpler effects: one of them has to be there before this one, a further rung, is tried.
+    #: Simpler effects: one of them has to be there before this one, which replaces them, is tried.
     grows_from: tuple[str, ...] = ()
     #: Effects that this one imitates nearly whole: only a paired test tells the two apart.
     twins: tuple[str, ...] = ()

@@ -89,7 +89,7 @@ def options_beside(
             continue
         if candidate.effect.sided and one_way(rows, candidate.joint):
             continue
-        rest = _without_included(model, candidate)
+        rest = _without_simpler(model, candidate)
         option = _try(rest, rows, candidate, estimate, current, _simpler(model, candidate))
         if option is not None:
             replaced = {c.key for c in model.effects} - {c.key for c in rest.effects}
@@ -142,8 +142,8 @@ def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option
     return sorted(physical, key=lambda option: -option.gain)
 
 
-def _without_included(model: Model, candidate: Candidate) -> Model:
-    return model.keeping(lambda other: not candidate.includes(other))
+def _without_simpler(model: Model, candidate: Candidate) -> Model:
+    return model.keeping(lambda other: not candidate.replaces(other))
 
 
 def _simpler(model: Model, candidate: Candidate) -> Theta:
@@ -356,13 +356,13 @@ def refined(
             break
     if candidate.effect.channel:
         model = between(model, rows, candidate, theta, scale)
-    least = current.sse
-    searches = candidate.effect.searches(theta) if rounds > COARSE else []
-    for number, (begin, free) in enumerate(searches):
+    least, fewest = current.sse, 0
+    for begin, free in candidate.effect.searches(theta) if rounds > COARSE else []:
         near = searched(rest, rows, candidate, joint, begin, free)
         found = best_of(rest, rows, candidate, [near], joint, left_out)
         # What is less simple has to leave less by what would change a number in a report.
-        most = (1.0 - (MIN_GAIN if number else 0.0)) * least
+        fewest = fewest or len(free)
+        most = (1.0 - (MIN_GAIN if len(free) > fewest else 0.0)) * least
         if found is not None and found[1].sse < most and not beyond_physics(*found, candidate):
             model, least = found[0], found[1].sse
     # Coefficients must follow the order of the model's terms.

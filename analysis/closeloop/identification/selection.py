@@ -131,8 +131,9 @@ def _information(option: Option) -> float:
 def _new_parameters(option: Option) -> int:
     """Return the number of parameters an option adds to the simpler form that it replaces."""
     effect, joint = option.candidate.effect, option.candidate.joint
+    simpler = {*effect.includes, *effect.grows_from}
     return effect.complexity - max(
-        (BY_NAME[name].complexity for name in effect.includes if (name, joint) in option.replaced),
+        (BY_NAME[name].complexity for name in simpler if (name, joint) in option.replaced),
         default=0,
     )
 

@@ -13,8 +13,18 @@ from dataclasses import replace
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.balance.luck import predicts_as_well
-from analysis.closeloop.identification.balance.model import evaluate, impedances
+from analysis.closeloop.identification.balance.model import (
+    Model,
+    estimate_of,
+    evaluate,
+    impedances,
+)
+from analysis.closeloop.identification.balance.regression import Score
+from analysis.closeloop.identification.balance.searched import searched
+from analysis.closeloop.identification.candidates import best_of
 from analysis.closeloop.identification.findings import Option, Step, Trace, exchanged
+from analysis.closeloop.identification.nameable import beyond_physics
+from sim.effects.motion import RecordedJoint
 
 #: Stiffnesses under two names that differ by less than this share are one.
 APART = 0.02
@@ -31,6 +41,36 @@ def alternatives(found: Trace) -> Iterator[tuple[Step, Option]]:
         for option in step.equals:
             other = exchanged(model, step.taken.candidate, option)
             yield step, replace(option, model=other, score=evaluate(other, found.rows))
+
+
+def other_forms(found: Trace) -> Iterator[tuple[str, Model, Score]]:
+    """Yield other forms of what was found that predict these trials as well, fitted in its place.
+
+    Each with the effect's name and what makes the form, as a power that is chosen.
+    """
+    model, coefficients = found.fit_of_steps
+    for term in model.terms:
+        if term.candidate is None:
+            continue
+        effect, rest = term.candidate.effect, model.without(term.candidate)
+        joint = RecordedJoint(model.recording, term.joint, estimate_of(model, coefficients))
+        choices = {name for name, parameter in effect.parameters.items() if parameter.choice}
+        for begin, free in effect.searches(term.theta):
+            chosen = {
+                name: value
+                for name, value in begin.items()
+                if name in choices and value != term.theta.get(name)
+            }
+            if not chosen:
+                continue
+            near = searched(rest, found.rows, term.candidate, joint, begin, free)
+            other = best_of(rest, found.rows, term.candidate, [near], joint)
+            if other is None or beyond_physics(*other, term.candidate):
+                continue
+            score = evaluate(other[0], found.rows)
+            if predicts_as_well(score, found.score):
+                said = ", ".join(f"{name} {value:g}" for name, value in chosen.items())
+                yield f"{effect.name} ({said})", other[0], score
 
 
 def agreed(found: Trace) -> Trace:

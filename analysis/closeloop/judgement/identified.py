@@ -68,6 +68,9 @@ def hidden_effects(
             continue
         if not has_ground(candidate, ground):
             continue
+        if any(candidate.replaces(c) and not candidate.includes(c) for c in model.effects):
+            # It would take the place of what was found.
+            continue
         stiffness = _stiffness(model, coefficients, joint)
         if stiffness is None:
             continue

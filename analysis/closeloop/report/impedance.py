@@ -11,7 +11,7 @@ from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.terms import Given
 from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.findings import TELLING, Outcome, Trace
-from analysis.closeloop.judgement.agreement import APART, alternatives
+from analysis.closeloop.judgement.agreement import APART, alternatives, other_forms
 from analysis.closeloop.report.separating import separating_trial
 from sim.effects.laws.loose_link import DAMPED
 
@@ -218,6 +218,8 @@ def _of_names(found: Trace) -> dict[str, Refits]:
         other.candidate.effect.name: (other.model, other.score.coefficients)
         for _, other in alternatives(found)
     }
+    if impedances(*found.fits[0]):
+        fits |= {name: (own, score.coefficients) for name, own, score in other_forms(found)}
     if found.supposed is not None:
         names = " and ".join(step.taken.candidate.effect.name for step in found.steps)
         fits = {names: found.supposed, **fits}

@@ -147,7 +147,7 @@ class CoupledMotor(Law):
 
     name = "coupled_motor"
     complexity = 4
-    signature = "the residual steps where the speeds of two joints, added or subtracted, are zero"
+    signature = "the residual steps where the speeds of two joints, added or subtracted, vanish"
     separating_trial = "move the other joint alone, both ways at two speeds"
     parameters = named(
         torque=Parameter("Nm", "its Coulomb friction", floor=0.0),

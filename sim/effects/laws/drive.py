@@ -193,9 +193,7 @@ class TimeDelay(Late):
 
     name = "time_delay"
     complexity = 1
-    signature = (
-        "the residual is the derivative of the torque: it grows with frequency, not amplitude"
-    )
+    signature = "the residual is the torque's derivative: it grows with frequency"
     element = "applied torque (delay)"
     separating_trial = "shake the joint fast, with a small amplitude"
     parameters = named(
@@ -248,7 +246,7 @@ class Drift(Law):
     parameters = named(
         rate=Parameter("Nm/s", "at the session's beginning"),
         time_constant=Parameter("s", "over which it levels off", floor=0.0),
-        torque_at_start=Parameter("Nm", "what the motor adds at the session's beginning"),
+        torque_at_start=Parameter("Nm", "what the motor adds then"),
     )
     coefficients = ("rate", "torque_at_start")
     nonlinear = (Nonlinear("level_off", (10.0, 0.6, 0.2), scaling=0.4, step=RELATIVE),)

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.effects.effect import Columns, Effect, Law, Limits, Theta
 from sim.effects.elements import add_damping, add_spring, joint_of
-from sim.effects.functions import Signal, at_least, at_most, expm1, tanh
+from sim.effects.functions import Signal, at_least, at_most, expm1, magnitude, tanh
 from sim.effects.motion import Motion, RecordedJoint, Recording
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named, size
 
@@ -26,6 +26,13 @@ WIDTH, WIDTHS = 0.2, (0.02, 0.5)
 #: Powers of a torque that begins at an angle; and how far it, or a middle, may be from where it
 #: seemed, rad.
 POWERS, ONSET = (1.0, 2.0, EXPONENTIAL), 0.2
+#: Unit of a steepness by the power.
+STEEPNESS = {EXPONENTIAL: "Nm", 1.0: "Nm/rad", 2.0: "Nm/rad2"}
+#: Shares of half the travel beyond which the search for such a torque begins, and both its ends.
+BEGINS, ENDS = (0.3, 0.45, 0.6, 0.75, 0.87), ((1.0, "positive"), (-1.0, "negative"))
+#: Power that stands for tanh, and those of a spring that yields.
+TANH = 0.0
+YIELDING = (TANH, 2.0, 1.0)
 #: Over half the travel: widths with which the search for a spring that yields begins; the widest
 #: one, of which a cubic says the same; and how far it may be from the middle, beyond which only one
 #: side of it is seen. (Set while looking at a stranger's three, and at sets of names of our own.)
@@ -120,9 +127,7 @@ class NonlinearStiffness(Law):
     limb = elastic = True
     name = "nonlinear_stiffness"
     complexity = 2
-    signature = (
-        "against position the residual is a curve with a bend at both ends, the same both ways"
-    )
+    signature = "against position the residual bends at both ends, the same both ways"
     separating_trial = "move slowly through a wider range, both ways"
     owner: Literal["robot", "human"] | None = "human"
     parameters = named(
@@ -148,9 +153,10 @@ class NonlinearStiffness(Law):
 
 
 class SofteningStiffness(Law):
-    """A spring that yields: T tanh((q - c) / w), stiff within w of c and hardly so far from it.
+    """A spring that yields: T f((q - c) / w), stiff within w of c and hardly so far from it.
 
-    The declared K is then that far from c; at c it is K + T / w.
+    f(x) is tanh x, or x / (1 + |x|^n)^(1 / n). The declared K is then that far from c; at c it is
+    K + T / w.
     """
 
     limb = elastic = True
@@ -162,6 +168,7 @@ class SofteningStiffness(Law):
         torque=Parameter("Nm", "at which it yields; over the width, stiffness beyond K", floor=0.0),
         centre=Parameter("rad", "angle without torque", in_joint_frame=True),
         width=Parameter("rad", "from there until it yields", neutral=0.3, floor=0.02),
+        power=Parameter("1", "1 or 2; 0: tanh", floor=0.0, ceiling=4.0, choice=True),
     )
     coefficients = ("torque",)
     lower = (0.0,)
@@ -169,23 +176,28 @@ class SofteningStiffness(Law):
     nonlinear = (
         Nonlinear("centre", shift=0.05, step=RELATIVE),
         Nonlinear("width", scaling=0.2, step=RELATIVE),
+        Nonlinear("power"),
     )
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         away = (motion.position - parameters["centre"]) / parameters["width"]
-        return parameters["torque"] * tanh(away)
+        if parameters["power"] == TANH:
+            return parameters["torque"] * tanh(away)
+        power = parameters["power"]
+        return parameters["torque"] * away / (1.0 + magnitude(away) ** power) ** (1.0 / power)
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         middle, half = joint.travel
         return [
-            {"centre": middle + half * share, "width": half * width}
+            {"centre": middle + half * share, "width": half * width, "power": TANH}
             for share in np.linspace(-ASIDE_YIELD, ASIDE_YIELD, 5)
             for width in YIELDS
         ]
 
     def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
         centre = theta["centre"]
-        return [(theta, {"centre": (centre - ONSET, centre + ONSET), "width": WIDTHS})]
+        free = {"centre": (centre - ONSET, centre + ONSET), "width": WIDTHS}
+        return [({**theta, "power": power}, free) for power in YIELDING]
 
     def limits(self, joint: RecordedJoint) -> Limits:
         middle, half = joint.travel
@@ -226,7 +238,7 @@ class EndRange(Law):
     limb = elastic = True
     name = "end_range_torque"
     complexity = 3
-    signature = "the residual is flat but for one end, where it rises, the same both ways"
+    signature = "the residual is flat but rises at one end, the same both ways"
     separating_trial = "move slowly beyond the angle where the torque begins, both ways"
     owner = "human"
     parameters = named(
@@ -235,7 +247,7 @@ class EndRange(Law):
         side=SIDE,
         power=Parameter(
             "1",
-            "1 or 2; 0 stands for an exponential",
+            "1 or 2; 0: an exponential",
             0.0,
             2.0,
             neutral=1.0,
@@ -243,7 +255,7 @@ class EndRange(Law):
             ceiling=4.0,
             choice=True,
         ),
-        width=Parameter("rad", "width of the exponential", 0.1, 0.5, neutral=0.3, floor=0.01),
+        width=Parameter("rad", "of the exponential", 0.1, 0.5, neutral=0.3, floor=0.01),
     )
     coefficients = ("stiffness",)
     lower = (0.0,)
@@ -257,12 +269,8 @@ class EndRange(Law):
 
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         side, power = sign_of(parameters["side"]), parameters["power"]
-        beyond = at_least(0.0, side * (motion.position - parameters["onset"]))
-        if power == EXPONENTIAL:
-            rise = expm1(at_most(20.0, beyond / parameters["width"]))
-        else:
-            rise = beyond**power
-        return side * parameters["stiffness"] * rise
+        beyond = side * (motion.position - parameters["onset"])
+        return side * parameters["stiffness"] * _rise(beyond, power, parameters.get("width", WIDTH))
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
         middle, half = joint.travel
@@ -271,7 +279,7 @@ class EndRange(Law):
             {"side": side, "onset": middle + side * half * share, "power": power}
             | (width if power == EXPONENTIAL else {})
             for side in (-1.0, 1.0)
-            for share in (0.3, 0.45, 0.6, 0.75, 0.87)
+            for share in BEGINS
             for power in POWERS
         ]
 
@@ -291,4 +299,95 @@ class EndRange(Law):
     def unit(self, parameter: str, theta: Theta) -> str:
         if parameter != "stiffness":
             return super().unit(parameter, theta)
-        return {EXPONENTIAL: "Nm", 1.0: "Nm/rad", 2.0: "Nm/rad2"}[theta["power"]]
+        return STEEPNESS[theta["power"]]
+
+
+class BothEnds(Law):
+    """`EndRange` at both ends of the range, of one form; K is that between them."""
+
+    limb = elastic = True
+    name = "end_range_both"
+    complexity = 6
+    signature = "the residual is flat but rises at both ends, the same both ways"
+    separating_trial = "move slowly beyond the angles where the torque begins, both ways"
+    includes = ("end_range_torque",)
+    # Ends that are alike seem a cubic, or a wave over the range, as long as nothing else has both.
+    grows_from = ("end_range_torque", "nonlinear_stiffness", "torque_ripple")
+    not_beside = ("nonlinear_stiffness",)
+    parameters = named(
+        stiffness_positive=Parameter("Nm", "steepness in flexion", floor=0.0),
+        stiffness_negative=Parameter("Nm", "in extension", floor=0.0),
+        onset_positive=Parameter("rad", "where it begins", in_joint_frame=True),
+        onset_negative=Parameter("rad", "in extension", in_joint_frame=True),
+        power=Parameter("1", "as of one end", neutral=1.0, floor=0.0, ceiling=4.0, choice=True),
+        width_positive=Parameter("rad", "in flexion", neutral=0.3, floor=0.01),
+        width_negative=Parameter("rad", "in extension", neutral=0.3, floor=0.01),
+    )
+    coefficients = ("stiffness_positive", "stiffness_negative")
+    lower = (0.0,)
+    nonlinear = (
+        Nonlinear("onset_positive", shift=0.08, step=RELATIVE),
+        Nonlinear("onset_negative", shift=0.08, step=RELATIVE),
+        Nonlinear("power"),
+        Nonlinear("width_positive", scaling=0.2, step=RELATIVE),
+        Nonlinear("width_negative", scaling=0.2, step=RELATIVE),
+    )
+
+    def torque(self, parameters: Values, motion: Motion) -> Signal:
+        rises = [
+            side
+            * parameters[f"stiffness_{end}"]
+            * _rise(
+                side * (motion.position - parameters[f"onset_{end}"]),
+                parameters["power"],
+                parameters.get(f"width_{end}", WIDTH),
+            )
+            for side, end in ENDS
+        ]
+        return rises[0] + rises[1]
+
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        middle, half = joint.travel
+        widths = {f"width_{end}": END_WIDTH * half for _, end in ENDS}
+        return [
+            {
+                "onset_positive": middle + half * above,
+                "onset_negative": middle - half * below,
+                "power": power,
+            }
+            | (widths if power == EXPONENTIAL else {})
+            for above in BEGINS
+            for below in BEGINS
+            for power in POWERS
+        ]
+
+    def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
+        onsets = {
+            f"onset_{end}": (theta[f"onset_{end}"] - ONSET, theta[f"onset_{end}"] + ONSET)
+            for _, end in ENDS
+        }
+        widths = {f"width_{end}": WIDTHS for _, end in ENDS}
+        found: list[tuple[Theta, Limits]] = []
+        for power in sorted(POWERS, key=lambda power: power != theta["power"]):
+            begin = {**theta, "power": power}
+            if power == EXPONENTIAL:
+                found.append((dict.fromkeys(widths, WIDTH) | begin, onsets | widths))
+            else:
+                found.append(({name: begin[name] for name in begin if name not in widths}, onsets))
+        return found
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        middle, half = joint.travel
+        within = (middle - half, middle + half)
+        return {**super().limits(joint), "onset_positive": within, "onset_negative": within}
+
+    def unit(self, parameter: str, theta: Theta) -> str:
+        if not parameter.startswith("stiffness"):
+            return super().unit(parameter, theta)
+        return STEEPNESS[theta["power"]]
+
+
+def _rise(beyond: Signal, power: float, width: float) -> Signal:
+    """Return how a torque rises with the way beyond where it begins, rad, none before it."""
+    way = at_least(0.0, beyond)
+    return expm1(at_most(20.0, way / width)) if power == EXPONENTIAL else way**power

@@ -183,7 +183,7 @@ class Asymmetric(Friction):
     name = "asymmetric_friction"
     #: Mean damping is declared, or there already.
     complexity = 3
-    signature = "steps and slopes against velocity differ between the two directions"
+    signature = "steps and slopes against velocity differ between directions"
     separating_trial = "move to and fro at three speeds, with rests at both ends"
     includes = ("coulomb_friction", "viscous_friction")
     parameters = named(
@@ -244,9 +244,9 @@ class PositionDependent(Friction):
     includes = ("coulomb_friction",)
     parameters = named(
         torque_middle=size("Nm", 3.0, "friction in the middle of the range"),
-        torque_slope=size("Nm/rad", 1.0, "its slope over the angle there", low=-1.0),
+        torque_slope=size("Nm/rad", 1.0, "its slope there", low=-1.0),
         torque_curvature=size("Nm/rad2", 1.0, "half its second derivative there", low=-1.0),
-        middle=Parameter("rad", "middle of the range", 0.5, 1.5, neutral=1.0, in_joint_frame=True),
+        middle=Parameter("rad", "that middle", 0.5, 1.5, neutral=1.0, in_joint_frame=True),
         order=Parameter("1/rad", "waves a turn; 0 is a parabola", 0.0, 6.0, floor=0.0, choice=True),
     )
     lower = (0.0, -np.inf, -np.inf)

@@ -262,7 +262,7 @@ class AddedInertia(Law):
 
     name = "added_inertia"
     complexity = 1
-    signature = "the residual is a straight line against acceleration and does not know posture"
+    signature = "the residual is a straight line against acceleration, whatever the posture"
     element = "joint/@armature"
     separating_trial = "shake the joint in two postures that differ in gravity"
     owner = "robot"
@@ -300,7 +300,7 @@ class GravityTorque(Law):
     limb = True
     name = "gravity_torque"
     complexity = 2
-    signature = "the residual is a sine of the posture, the same both ways and at every speed"
+    signature = "the residual is a sine of the posture, both ways and at every speed"
     separating_trial = "repeat one movement with the axis upright, where gravity has no torque"
     parameters = named(
         **{

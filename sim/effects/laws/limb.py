@@ -59,7 +59,7 @@ class StretchReflex(AppliedEffect):
         ),
         threshold_angle=Parameter(
             "rad",
-            f"angle beyond which it acts; {NO_ANGLE:g} for every angle",
+            f"angle beyond which it acts; {NO_ANGLE:g}: every angle",
             0.2,
             1.8,
             neutral=NO_ANGLE,
@@ -180,15 +180,15 @@ class Thixotropy(AppliedEffect):
     limb = True
     name = "thixotropy"
     complexity = 5
-    signature = "the first movement after a rest meets more resistance than the next"
+    signature = "after a rest the first movement meets more resistance"
     separating_trial = "rest ten seconds, then move to and fro five times without a pause"
     parameters = named(
         torque=Parameter("Nm", "that a long rest adds to that of moving", floor=0.0),
         torque_moving=Parameter("Nm", "that moving does not take away", floor=0.0),
         elastic_range=Parameter("rad", "over which it resists as a spring", floor=0.0),
         exponent=replace(EXPONENT, description="as of hysteresis"),
-        recovery=Parameter("s", "time in which rest builds it", floor=0.0),
-        distance=Parameter("rad", "of motion over which it is lost", floor=0.0),
+        recovery=Parameter("s", "in which rest builds it", floor=0.0),
+        distance=Parameter("rad", "of motion that ends it", floor=0.0),
     )
     coefficients = ("torque", "torque_moving")
     lower = (0.0,)
@@ -234,13 +234,13 @@ class ThixotropicStiffness(AppliedEffect):
     limb = True
     name = "thixotropic_stiffness"
     complexity = 4
-    signature = "the slope against position is steep after a rest and falls as the joint moves"
+    signature = "the slope against position is steep after a rest and falls in motion"
     separating_trial = "move to and fro without a pause, then after rests of one, three and ten s"
     parameters = named(
         stiffness=Parameter("Nm/rad", "after a long rest", floor=0.0),
         torque_at_zero=Parameter("Nm", "what the motor adds at position 0 then"),
-        recovery=Parameter("s", "time in which rest builds it", floor=0.0),
-        distance=Parameter("rad", "of motion over which it is lost", floor=0.0),
+        recovery=Parameter("s", "in which rest builds it", floor=0.0),
+        distance=Parameter("rad", "of motion that ends it", floor=0.0),
     )
     coefficients = ("stiffness", "torque_at_zero")
     lower = (0.0, -np.inf)

@@ -50,7 +50,7 @@ class LoadDependent(Loaded):
     owner = "robot"
     name = "load_dependent_friction"
     complexity = 2
-    signature = "the step with the velocity's sign grows with the torque that the joint carries"
+    signature = "the step with the velocity's sign grows with the load"
     separating_trial = "repeat one movement with a known mass attached"
     includes = ("coulomb_friction",)
     grows_from = ()
@@ -135,7 +135,7 @@ class DirectionalLoad(Loaded):
 
     name = "directional_load_friction"
     complexity = 3
-    signature = "lifting a load takes more friction than letting it down gives back"
+    signature = "lifting a load takes more friction than lowering it gives back"
     separating_trial = "lift and lower a known mass through the same range"
     parameters = named(
         torque=Parameter("Nm", "friction without load", floor=0.0),

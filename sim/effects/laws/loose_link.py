@@ -96,7 +96,7 @@ class SeriesElasticity(LooseLink):
     parameters = named(
         compliance=Parameter("rad/Nm", "1 / k", floor=0.0),
         resonance=Parameter("Hz", "at which the limb swings on it", neutral=25.0, floor=SLOWEST),
-        damping_ratio=Parameter("1", "of that swing by its own damping", floor=0.0, ceiling=PEAKED),
+        damping_ratio=Parameter("1", "of that swing", floor=0.0, ceiling=PEAKED),
         inertia_behind=SHARE,
         weight_behind=replace(SHARE, floor=LEAST_LINK),
         damping_behind=replace(SHARE, floor=LEAST_LINK),

@@ -34,7 +34,7 @@ class StressRelaxation(AppliedEffect):
     parameters = named(
         stiffness=Parameter("Nm/rad", "of what relaxes", floor=0.0),
         relaxation_time=Parameter("s", "in which 63 % is lost", neutral=1.0, floor=FASTEST),
-        decades=Parameter("1", "over which such times are spread", floor=0.0, ceiling=MOST_DECADES),
+        decades=Parameter("1", "over which they are spread", floor=0.0, ceiling=MOST_DECADES),
     )
     coefficients = ("stiffness",)
     lower = (0.0,)

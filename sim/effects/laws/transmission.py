@@ -36,7 +36,7 @@ class TorqueRipple(Law):
     owner = "robot"
     parameters = named(
         cosine=size("Nm", 1.0, "ripple, cosine part", low=-1.0),
-        sine=size("Nm", 1.0, "ripple, sine part", low=-1.0),
+        sine=size("Nm", 1.0, "its sine part", low=-1.0),
         order=Parameter("1/rad", "periods a turn", 1.0, 40.0, neutral=12.0, choice=True),
     )
     coefficients = ("cosine", "sine")
@@ -81,7 +81,7 @@ WAYS = (0.03, 0.042, 0.06, 0.085, 0.12, 0.17, 0.25, 0.35, 0.5)
 #: How what winds up does so; part of `Hysteresis` and of what else winds up.
 EXPONENT = Parameter(
     "1",
-    "Dahl's: 1 winds up ever more slowly, 0 is a spring that yields",
+    "Dahl's: 1 winds up ever more slowly, 0 is a spring",
     neutral=1.0,
     floor=0.0,
     ceiling=1.0,

@@ -41,7 +41,13 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
     "joint_stiffness": ({}, (3.0, -2.0)),
     "nonlinear_stiffness": ({"centre": 1.0}, (5.0,)),
     "end_range_torque": ({"side": 1.0, "onset": 1.15, "power": 0.0, "width": 0.3}, (0.8,)),
-    "softening_stiffness": ({"centre": 1.0, "width": 0.2}, (1.5,)),
+    "softening_stiffness": ({"centre": 1.0, "width": 0.2, "power": 0.0}, (1.5,)),
+    "end_range_both": (
+        {"power": 0.0}
+        | {"onset_positive": 1.15, "onset_negative": 0.85}
+        | {"width_positive": 0.3, "width_negative": 0.25},
+        (0.8, 0.6),
+    ),
     "torque_ripple": ({"order": 23.6}, (0.4, 0.3)),
     "time_delay": ({"delay": 0.02}, ()),
     "actuator_lag": ({"time_constant": 0.03}, ()),

@@ -18,9 +18,9 @@ STEP, STEPS, SETTLED = 0.005, 20, 1e-4
 def searched(
     rest: Model, rows: Rows, candidate: Candidate, joint: RecordedJoint, begin: Theta, free: Limits
 ) -> Theta:
-    """Return the parameters of an effect of one column that leave least near where they are.
+    """Return the parameters of an effect that leave least near where they are.
 
-    By the Trust Region Reflective method (Branch, Coleman and Li 1999), the column's size being
+    By the Trust Region Reflective method (Branch, Coleman and Li 1999), the columns' sizes being
     fitted beside every model (Golub and Pereyra 1973, variable projection).
 
     Args:
@@ -35,6 +35,7 @@ def searched(
     left_of = beyond(base)
     target, names = left_of(rest.target(rows)), list(free)
     low, high = np.array([free[name] for name in names]).T
+    bounds = [candidate.effect.bound(n) for n in range(len(candidate.effect.coefficients))]
 
     def at(x: np.ndarray) -> Theta:
         values = low + (x - 1.0) * (high - low)
@@ -42,9 +43,9 @@ def searched(
 
     def left(x: np.ndarray) -> np.ndarray:
         columns = candidate.effect.columns(joint, at(x))
-        own = left_of(rows.stack(rest.transformed(columns), 1)[:, 0])
-        size = max(float(own @ target) / max(float(own @ own), 1e-300), candidate.effect.bound(0))
-        return np.asarray(target - size * own)
+        own = left_of(rows.stack(rest.transformed(columns), len(bounds)))
+        sizes = np.maximum(np.linalg.lstsq(own, target)[0], bounds)
+        return np.asarray(target - own @ sizes)
 
     place = 1.0 + (np.array([begin[name] for name in names]) - low) / (high - low)
     found = least_squares(

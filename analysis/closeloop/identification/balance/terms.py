@@ -24,6 +24,11 @@ class Candidate:
         """Whether the other is a special case of this one."""
         return other.joint == self.joint and other.effect.name in self.effect.includes
 
+    def replaces(self, other: "Candidate") -> bool:
+        """Whether this one takes the place of the other, which is simpler."""
+        simpler = (*self.effect.includes, *self.effect.grows_from)
+        return other.joint == self.joint and other.effect.name in simpler
+
 
 @dataclass(frozen=True, kw_only=True)
 class Term:

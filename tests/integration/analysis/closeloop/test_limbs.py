@@ -287,22 +287,38 @@ def test_a_spring_that_hardens_stays_one_where_gravity_pulls(tmp_path: Path) -> 
     assert found["parameters"]["cubic_stiffness"]["value"] == pytest.approx(3.0, rel=0.05)
 
 
-@pytest.mark.parametrize(("yields", "width"), [(1.0, 0.2), (1.5, 0.3)])
+def yielding(torque: float, width: float, power: float) -> Beyond:
+    """Return a spring about 1.1 rad that yields as tanh, or by the square where `power` is 2."""
+
+    def spring(_time: float, q: np.ndarray, _v: np.ndarray) -> np.ndarray:
+        away = (q - 1.1) / width
+        return -torque * (np.tanh(away) if power == 0.0 else away / np.sqrt(1.0 + away**2))
+
+    return spring
+
+
+@pytest.mark.parametrize(("yields", "width", "power"), [(1.0, 0.2, 0.0), (1.5, 0.3, 2.0)])
 def test_a_spring_that_yields_is_no_ripple_of_the_robot(
-    tmp_path: Path, yields: float, width: float
+    tmp_path: Path, yields: float, width: float, power: float
 ) -> None:
-    """A stranger's was one wave over the range, and K up to 45 % off."""
-    report = answered(
-        tmp_path,
-        ATTRIBUTES,
-        ATTRIBUTES,
-        lambda _t, q, _v: -yields * np.tanh((q - 1.1) / width),
-    )
+    """A stranger's was one wave over the range, and K up to 45 % off; another's, as tanh, 15 %."""
+    report = answered(tmp_path, ATTRIBUTES, ATTRIBUTES, yielding(yields, width, power))
     (found,) = report["effects"]
     assert found["name"] == "softening_stiffness"
+    assert found["parameters"]["power"]["value"] == power
     assert found["parameters"]["torque"]["value"] == pytest.approx(yields, rel=0.1)
     assert found["parameters"]["width"]["value"] == pytest.approx(width, rel=0.1)
     assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(STIFFNESS, rel=0.05)
+
+
+def test_a_stiffness_holds_under_every_form_that_trials_do_not_tell_apart(tmp_path: Path) -> None:
+    """A spring that yields little may be tanh as well, and K 3 % higher."""
+    report = answered(tmp_path, ATTRIBUTES, ATTRIBUTES, yielding(0.5, 0.2, 2.0))
+    stiffness = report["impedance"]["elbow"]["stiffness"]
+    low, high = stiffness["ci90_after"]
+    assert low < STIFFNESS < high
+    told = stiffness["after_if"]
+    assert told and all("softening_stiffness (power" in name for name in told)
 
 
 def test_an_axis_that_stands_upright_may_be_tilted_but_that_is_said_last(tmp_path: Path) -> None:
@@ -317,3 +333,27 @@ def test_an_axis_that_stands_upright_may_be_tilted_but_that_is_said_last(tmp_pat
     assert "gravity_torque" in others and others <= {"gravity_torque", "end_range_torque"}
     low, high = report["impedance"]["elbow"]["stiffness"]["ci90_after"]
     assert low < STIFFNESS < high
+
+
+@pytest.mark.parametrize(("power", "steep"), [(1.0, (8.0, 5.0)), (2.0, (12.0, 20.0))])
+def test_ends_of_range_on_both_sides_are_one_effect(
+    power: float, steep: tuple[float, float], tmp_path: Path
+) -> None:
+    """They were a cubic, one end and a ripple of the robot, and K a tenth too low."""
+    above, below = 1.3, 0.75
+
+    def ends(_time: float, q: np.ndarray, _v: np.ndarray) -> np.ndarray:
+        return steep[1] * np.maximum(0.0, below - q) ** power - (
+            steep[0] * np.maximum(0.0, q - above) ** power
+        )
+
+    report = answered(tmp_path, ATTRIBUTES, ATTRIBUTES, ends)
+    (found,) = report["effects"]
+    assert found["name"] == "end_range_both"
+    told = {name: parameter["value"] for name, parameter in found["parameters"].items()}
+    assert told["power"] == power
+    assert told["onset_positive"] == pytest.approx(above, abs=0.02)
+    assert told["onset_negative"] == pytest.approx(below, abs=0.02)
+    assert told["stiffness_positive"] == pytest.approx(steep[0], rel=0.1)
+    assert told["stiffness_negative"] == pytest.approx(steep[1], rel=0.1)
+    assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(STIFFNESS, rel=0.01)

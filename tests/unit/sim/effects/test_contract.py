@@ -26,7 +26,7 @@ series_elasticity backlash hysteresis stretch_reflex thixotropy drift cross_join
 #: Names that came later.
 LATER = """
 stribeck_load_friction directional_load_friction quadratic_load_friction thixotropic_stiffness
-gravity_torque coupled_motor stress_relaxation softening_stiffness
+gravity_torque coupled_motor stress_relaxation softening_stiffness end_range_both
 """
 #: What a law is written with: another joint and its sense, the middle of the range, the width of an
 #: exponential.
@@ -74,7 +74,8 @@ def test_an_effect_says_what_to_look_for_and_where_it_is(effect: Effect) -> None
     assert effect.complexity >= 1
     assert effect.signature and effect.element and effect.separating_trial
     assert {*effect.includes, *effect.twins} <= set(BY_NAME)
-    assert all(effect.name in BY_NAME[other].not_beside for other in effect.not_beside)
+    for other in effect.not_beside:
+        assert other in effect.grows_from or effect.name in BY_NAME[other].not_beside
     assert set(effect.coefficients) <= set(effect.parameters)
     assert (effect.owner is not None) == (effect.name in ASSESSED)
 

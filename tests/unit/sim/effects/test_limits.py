@@ -77,6 +77,7 @@ def test_an_industrial_robot_has_no_reflex(recording: Recording) -> None:
         "end_range_torque",
         "nonlinear_stiffness",
         "softening_stiffness",
+        "end_range_both",
         "gravity_torque",
     }
     assert {effect.name for effect in EFFECTS if effect.limb} == of_limbs
