@@ -28,7 +28,9 @@ LONGEST_RUN = 1e9
 STATE_DEPTH, STATE_VALUES = 32, 100_000
 
 _NONE: Mapping[str, Curve] = MappingProxyType({})
-_OUTCOME = re.compile(r"[a-z_][a-z0-9_]{0,39}")
+#: What an outcome is called, a model's own too.
+OUTCOME = r"[a-z_][a-z0-9_]{0,39}"
+_OUTCOME = re.compile(OUTCOME)
 
 # Looked up once: in Python 3.11 a member of an enum takes as long as a call.
 _OK, _LEASED, _ACCEPTED = Outcome.OK, InstanceState.LEASED, Verdict.ACCEPTED

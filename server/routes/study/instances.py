@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Path, Query, Response
 
 from server.errors import InvalidStudyError
+from server.logic.fleet.verdicts import OUTCOME
 from server.logic.study.points import instance_id, parameters, point
 from server.operations.study import instances
 from server.routes.common import MAX_INTEGER, Id, Store, as_json
@@ -20,7 +21,7 @@ State = Annotated[
         examples=["failed"],
     ),
 ]
-Outcome = Annotated[str | None, Query(pattern=r"^[a-z_]{1,40}$", examples=["slipped"])]
+Outcome = Annotated[str | None, Query(pattern=f"^{OUTCOME}$", examples=["slipped"])]
 After = Annotated[
     str | None,
     Query(pattern=r"^\d{1,18}:\d{1,9}$", description="`next` of the page before", examples=["7:3"]),
