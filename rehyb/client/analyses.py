@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rehyb.client.connection import Connection, Json
+from rehyb.client.connection import Connection, Json, path_of
 
 
 class Analyses(Connection):
@@ -29,4 +29,4 @@ class Analyses(Connection):
     def analyse_study(self, study_id: str, outputs: Sequence[str] = ()) -> Json:
         """Return the same of a study's results so far; NotFound if there is no such study."""
         params = {"output": list(outputs)}
-        return self._post(f"/v1/studies/{study_id}/analyses", params=params)
+        return self._post(path_of("studies", study_id, "analyses"), params=params)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
-from rehyb.client.connection import Connection, Json
+from rehyb.client.connection import Connection, Json, path_of
 from rehyb.client.packing import packed, plain_name
 from rehyb.client.states import JobKind, JobState
 from rehyb.client.studies import POLL_SECONDS
@@ -31,7 +31,7 @@ class CloseLoops(Connection):
 
     def close_loop(self, session_id: str) -> Json:
         """Have a worker close the loop on a session; asking again finds the same job."""
-        return self._json("POST", f"/v1/sessions/{session_id}/close-loop")
+        return self._json("POST", path_of("sessions", session_id, "close-loop"))
 
     def interpret(
         self,
@@ -54,19 +54,19 @@ class CloseLoops(Connection):
         """
         measured = [{"name": name, "value": value, "sd": sd} for name, value, sd in known]
         body = {"known": measured, "tolerance": tolerance, "bank": bank}
-        return self._json("POST", f"/v1/sessions/{session_id}/interpretation", body)
+        return self._json("POST", path_of("sessions", session_id, "interpretation"), body)
 
     def interpretation_file(self, interpretation_id: str, file: str, path: Path) -> None:
         """Write "report.json" or "report.html" of an interpretation to `path`."""
-        self._download(f"/v1/{INTERPRETATIONS}/{interpretation_id}/{file}", path)
+        self._download(path_of(INTERPRETATIONS, interpretation_id, file), path)
 
     def close_loop_report(self, close_loop_id: str) -> Json:
         """Return a job's report; before it is there ("state" is not "done"), how far the job is."""
-        return self._json("GET", f"/v1/close-loops/{close_loop_id}")
+        return self._json("GET", path_of(CLOSE_LOOPS, close_loop_id))
 
     def close_loop_file(self, close_loop_id: str, file: str, path: Path) -> None:
         """Write one of the REPORT_FILES of `analysis.closeloop.contract` to `path`."""
-        self._download(f"/v1/close-loops/{close_loop_id}/{file}", path)
+        self._download(path_of(CLOSE_LOOPS, close_loop_id, file), path)
 
     def wait_for_report(
         self,
@@ -85,7 +85,7 @@ class CloseLoops(Connection):
             sleep: for tests.
         """
         while True:
-            standing = self._json("GET", f"/v1/{place}/{job_id}")
+            standing = self._json("GET", path_of(place, job_id))
             if standing["state"] in (JobState.DONE, JobState.FAILED):
                 return standing
             on_progress(standing)
@@ -103,12 +103,12 @@ class CloseLoops(Connection):
     def renew_close_loop(self, job: Mapping[str, Any], progress: str | None) -> Json:
         """Renew a leased job and send its progress; Conflict or NotFound if the lease is lost."""
         body = {"lease": job["lease"], "fence": job["fence"], "progress": progress}
-        return self._json("POST", f"/v1/close-loops/{job['id']}/renew", body)
+        return self._json("POST", path_of(CLOSE_LOOPS, job["id"], "renew"), body)
 
     def release_close_loop(self, job: Mapping[str, Any]) -> None:
         """Give a leased job back."""
         body = {"lease": job["lease"], "fence": job["fence"]}
-        self._request("POST", f"/v1/close-loops/{job['id']}/release", body)
+        self._request("POST", path_of(CLOSE_LOOPS, job["id"], "release"), body)
 
     def fail_close_loop(
         self,
@@ -127,7 +127,7 @@ class CloseLoops(Connection):
         """
         proof = {"lease": job["lease"], "fence": job["fence"], "worker": worker}
         body = {**proof, "outcome": outcome, "reason": reason, **(where or {})}
-        return self._json("POST", f"/v1/close-loops/{job['id']}/failure", body)
+        return self._json("POST", path_of(CLOSE_LOOPS, job["id"], "failure"), body)
 
     def hand_in_report(
         self, job: Mapping[str, Any], folder: Path, *, worker: str, code: str
@@ -139,7 +139,7 @@ class CloseLoops(Connection):
         interprets = job.get("kind") == JobKind.INTERPRETATION
 
         proof = {"lease": job["lease"], "fence": job["fence"], "worker": worker, "code": code}
-        path = f"/v1/close-loops/{job['id']}/report?{urlencode(proof)}"
+        path = path_of(CLOSE_LOOPS, job["id"], "report") + f"?{urlencode(proof)}"
         with ExitStack() as stack:
             files = {
                 name: (name, stack.enter_context((folder / name).open("rb")))

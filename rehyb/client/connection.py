@@ -3,6 +3,7 @@
 import gzip
 import json
 import os
+import re
 import ssl
 import time
 from collections.abc import Callable, Mapping
@@ -26,6 +27,7 @@ from rehyb.client.wire import (
 )
 from rehyb.errors import (
     Invalid,
+    NotFound,
     RehybError,
     ServerError,
     Unauthorized,
@@ -44,6 +46,8 @@ _JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 #: Bodies longer than this are sent compressed.
 COMPRESS_BYTES = 50_000
 DEFAULT_URL = "http://127.0.0.1:8787"
+#: What ids are made of, and names of models with their digest.
+_ID = re.compile(r"[A-Za-z0-9_@-]+")
 #: Seconds that a session may take to be looked at, or a report to be stored.
 UPLOAD_SECONDS = 300.0
 #: Seconds that a look may take at whether TLS is spoken.
@@ -245,6 +249,19 @@ class Connection:
         if not response.is_success:
             raise error_of(response)
         return body_of(response)
+
+
+def path_of(place: str, its_id: str, *below: object) -> str:
+    """Return the path of what has an id at a place, as "studies", or of something below it.
+
+    Raises:
+        NotFound: nothing there has such an id. It is not asked about: servers turn %2F back into a
+            slash before they look which route it is, so no quoting makes one part of it.
+    """
+    if not _ID.fullmatch(its_id):
+        one = "study" if place == "studies" else place.removesuffix("s")
+        raise NotFound(f"there is no {one} {its_id[:80]!r}")
+    return "/".join(("/v1", place, its_id, *map(str, below)))
 
 
 def body_of(response: Answer) -> Json:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
 
-from rehyb.client.connection import Connection, Json, body_of, error_of
+from rehyb.client.connection import Connection, Json, body_of, error_of, path_of
 
 
 class Leases(Connection):
@@ -49,11 +49,11 @@ class Leases(Connection):
 
     def renew(self, lease_id: str, fence: int) -> Json:
         """Keep a lease for another ttl; Conflict or NotFound if it is no longer this worker's."""
-        return self._json("POST", f"/v1/leases/{lease_id}/renew", {"fence": fence})
+        return self._json("POST", path_of("leases", lease_id, "renew"), {"fence": fence})
 
     def release(self, lease_id: str, fence: int) -> None:
         """Give back what is unfinished of a lease."""
-        self._request("POST", f"/v1/leases/{lease_id}/release", {"fence": fence})
+        self._request("POST", path_of("leases", lease_id, "release"), {"fence": fence})
 
     def post_results(
         self, *, lease: str, fence: int, worker: str, results: Sequence[Mapping[str, Any]]

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from models.description import Description
-from rehyb.client.connection import Connection, Json
+from rehyb.client.connection import Connection, Json, path_of
 
 #: What a coordinator tells of a model beside its description.
 _BESIDE = ("own", "announced_by", "announced_at")
@@ -27,7 +27,7 @@ class Models(Connection):
 
     def model(self, name: str) -> Json:
         """Return one model, "name" (its newest version) or "name@digest"; NotFound without it."""
-        return self._json("GET", f"/v1/models/{name}")
+        return self._json("GET", path_of("models", name))
 
     def add_model(self, archive: Path) -> Json:
         """Upload a zipped model of kind `mjcf` and return it as the coordinator understood it.
@@ -50,4 +50,4 @@ class Models(Connection):
 
     def model_archive(self, version: str, path: Path) -> None:
         """Write the zip file of an uploaded model, "name@digest", to `path`."""
-        self._download(f"/v1/models/{version}/archive", path)
+        self._download(path_of("models", version, "archive"), path)

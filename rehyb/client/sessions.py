@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from rehyb.client.connection import Connection, Json
+from rehyb.client.connection import Connection, Json, path_of
 
 
 class Sessions(Connection):
@@ -31,14 +31,14 @@ class Sessions(Connection):
 
     def session(self, session_id: str) -> Json:
         """Return one session; NotFound if there is none."""
-        return self._json("GET", f"/v1/sessions/{session_id}")
+        return self._json("GET", path_of("sessions", session_id))
 
     def session_archive(
         self, session_id: str, path: Path, on_chunk: Callable[[], object] = lambda: None
     ) -> None:
         """Write a session's zip file to `path`; `on_chunk` is called again and again meanwhile."""
-        self._download(f"/v1/sessions/{session_id}/archive", path, on_chunk)
+        self._download(path_of("sessions", session_id, "archive"), path, on_chunk)
 
     def delete_session(self, session_id: str) -> None:
         """Remove a session and all that was found in it."""
-        self._request("DELETE", f"/v1/sessions/{session_id}")
+        self._request("DELETE", path_of("sessions", session_id))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode
 
-from rehyb.client.connection import Connection, Json
+from rehyb.client.connection import Connection, Json, path_of
 from rehyb.client.states import StudyState
 from rehyb.errors import Conflict, Invalid, ServerError, Unreachable
 
@@ -52,31 +52,31 @@ class Studies(Connection):
 
     def study(self, study_id: str) -> Json:
         """Return one study; NotFound if there is none."""
-        return self._json("GET", f"/v1/studies/{study_id}")
+        return self._json("GET", path_of("studies", study_id))
 
     def progress(self, study_id: str) -> Json:
         """Return how far a study is: counts, failures by cause, rate and remaining time."""
-        return self._json("GET", f"/v1/studies/{study_id}/progress")
+        return self._json("GET", path_of("studies", study_id, "progress"))
 
     def indices(self, study_id: str) -> Json:
         """Return the latest snapshot of a study's sensitivity indices with their intervals."""
-        return self._json("GET", f"/v1/studies/{study_id}/indices")
+        return self._json("GET", path_of("studies", study_id, "indices"))
 
     def pause(self, study_id: str) -> Json:
         """Hand out nothing of a study until it is resumed; results under way are taken."""
-        return self._json("POST", f"/v1/studies/{study_id}/pause")
+        return self._json("POST", path_of("studies", study_id, "pause"))
 
     def drain(self, study_id: str) -> Json:
         """Finish the rows of a study that were begun and begin no other; then it is paused."""
-        return self._json("POST", f"/v1/studies/{study_id}/drain")
+        return self._json("POST", path_of("studies", study_id, "drain"))
 
     def resume(self, study_id: str) -> Json:
         """Go on with a paused or draining study; Conflict if it is complete or cancelled."""
-        return self._json("POST", f"/v1/studies/{study_id}/resume")
+        return self._json("POST", path_of("studies", study_id, "resume"))
 
     def extend(self, study_id: str, rows: int) -> Json:
         """Give a study `rows` rows in all; what is there stays. Conflict if it has more."""
-        return self._json("POST", f"/v1/studies/{study_id}/extend", {"rows": rows})
+        return self._json("POST", path_of("studies", study_id, "extend"), {"rows": rows})
 
     def set_precision_goal(
         self, study_id: str, up_to: int, target: float | None = None, output: str | None = None
@@ -97,15 +97,15 @@ class Studies(Connection):
             Conflict: it is cancelled.
         """
         body = {"up_to": up_to, "target": target, "output": output}
-        return self._json("POST", f"/v1/studies/{study_id}/precision", body)
+        return self._json("POST", path_of("studies", study_id, "precision"), body)
 
     def remove_precision_goal(self, study_id: str) -> None:
         """Extend a study no more; the rows that it has are finished."""
-        self._request("DELETE", f"/v1/studies/{study_id}/precision")
+        self._request("DELETE", path_of("studies", study_id, "precision"))
 
     def prioritise(self, study_id: str, priority: int) -> Json:
         """Serve a study before all of lower priority; 0 is where every study begins."""
-        return self._json("POST", f"/v1/studies/{study_id}/priority", {"priority": priority})
+        return self._json("POST", path_of("studies", study_id, "priority"), {"priority": priority})
 
     def rerun(
         self, study_id: str, which: str = "failed", outcomes: Sequence[str] | None = None
@@ -117,11 +117,11 @@ class Studies(Connection):
             outcomes: only failures of these names.
         """
         body = {"which": which, "outcomes": None if outcomes is None else list(outcomes)}
-        return self._json("POST", f"/v1/studies/{study_id}/rerun", body)
+        return self._json("POST", path_of("studies", study_id, "rerun"), body)
 
     def delete(self, study_id: str) -> None:
         """Remove a study with its results; Conflict while it runs."""
-        self._request("DELETE", f"/v1/studies/{study_id}")
+        self._request("DELETE", path_of("studies", study_id))
 
     def instances(
         self,
@@ -141,19 +141,19 @@ class Studies(Connection):
         """
         query = {"state": state, "outcome": outcome, "after": after, "limit": limit}
         given = {name: value for name, value in query.items() if value is not None}
-        return self._json("GET", f"/v1/studies/{study_id}/instances?{urlencode(given)}")
+        return self._json("GET", path_of("studies", study_id, "instances") + f"?{urlencode(given)}")
 
     def instance(self, study_id: str, row: int, position: int) -> Json:
         """Return all that is needed to replay an instance, and its result."""
-        return self._json("GET", f"/v1/studies/{study_id}/instances/{row}/{position}")
+        return self._json("GET", path_of("studies", study_id, "instances", row, position))
 
     def cancel(self, study_id: str) -> Json:
         """Stop handing out a study's instances; results already there stay."""
-        return self._json("POST", f"/v1/studies/{study_id}/cancel")
+        return self._json("POST", path_of("studies", study_id, "cancel"))
 
     def results_csv(self, study_id: str, path: Path) -> None:
         """Write a study's results to `path`; a download cut short leaves no file behind."""
-        self._download(f"/v1/studies/{study_id}/results.csv", path)
+        self._download(path_of("studies", study_id, "results.csv"), path)
 
     def all_instances(
         self,

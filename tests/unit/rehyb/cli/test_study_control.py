@@ -103,3 +103,21 @@ def test_a_bundle_is_written_for_a_replay_which_reads_its_parameters(
     monkeypatch.setattr("sys.stdin", io.StringIO('{"model": "ishigami", "parameters": {}}'))
     status, _, words = run("assess", "--replay", "-")
     assert (status, "is of model 'ishigami', which is no assessment" in words) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("study delete s1/precision", "there is no study 's1/precision'"),
+        ("study cancel s1/pause?", "there is no study 's1/pause?'"),
+        ("study delete ../sessions/x", "there is no study '../sessions/x'"),
+        ("study indices ../../etc", "there is no study '../../etc'"),
+        ("study indices s1?x=1", "there is no study 's1?x=1'"),
+        ("model show ../studies/s1", "there is no model '../studies/s1'"),
+    ],
+)
+def test_an_id_that_is_none_is_said_and_nothing_is_asked(
+    coordinator: Coordinator, run: Run, command: str, said: str
+) -> None:
+    assert run(*command.split()) == (1, "", f"rehyb: {said}\n")
+    assert coordinator.asked == []

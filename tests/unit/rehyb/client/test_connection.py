@@ -1,6 +1,7 @@
 """Where a coordinator is, how long it is waited for, and how what it says of itself is heard."""
 
 import ssl
+from collections.abc import Callable
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,7 +10,8 @@ from typing import Any
 import httpx2
 import pytest
 
-from rehyb import Client, Conflict, Invalid, ServerError, Unreachable
+from rehyb import Client, Conflict, Invalid, NotFound, ServerError, Unreachable
+from rehyb.client.close_loops import INTERPRETATIONS
 from rehyb.client.connection import COMPRESS_BYTES, DEFAULT_URL, Connection
 from rehyb.errors import RehybError, WrongProtocol
 from tests.testbed.recorder import Recorder
@@ -172,8 +174,41 @@ def test_nothing_is_asked_once_the_time_is_over(tmp_path: Path) -> None:
     assert there.last is None and list(tmp_path.iterdir()) == []
 
 
-def test_an_address_with_a_line_break_is_told_in_part() -> None:
+def test_an_address_that_is_too_long_is_told_in_part() -> None:
     with pytest.raises(Invalid) as caught:
-        Recorder().client.study("a\n" + "b" * 99)
-    start = repr("/v1/studies/a\n" + "b" * 66)
+        Recorder().client.study("a" * 70_000)
+    start = repr("/v1/studies/" + "a" * 68)
     assert str(caught.value).startswith(f"{start} is no address at http://c:1: ")
+
+
+STRANGE = [
+    "s/precision",
+    "s/pause?",
+    "../sessions/x",
+    "s?x=1",
+    "s#x",
+    "..",
+    ".",
+    "",
+    "s%2Fpause",
+    "s\n",
+]
+
+
+@pytest.mark.parametrize("strange", STRANGE)
+def test_what_cannot_be_an_id_leads_nowhere_else(strange: str) -> None:
+    there = Recorder()
+    client, job = there.client, {"id": strange, "lease": "l", "fence": 1}
+    calls: dict[str, Callable[[], object]] = {
+        "study": lambda: client.delete(strange),
+        "model": lambda: client.model(strange),
+        "lease": lambda: client.renew(strange, 1),
+        "session": lambda: client.delete_session(strange),
+        "close-loop": lambda: client.release_close_loop(job),
+        "interpretation": lambda: client.wait_for_report(strange, INTERPRETATIONS),
+    }
+    for one, call in calls.items():
+        with pytest.raises(NotFound) as caught:
+            call()
+        assert str(caught.value) == f"there is no {one} {strange!r}"
+    assert there.last is None

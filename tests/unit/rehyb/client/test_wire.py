@@ -231,9 +231,9 @@ def test_a_path_cannot_break_its_line(host: HostOf) -> None:
     there = host(ANSWER)
     with Client(there.url + "/under", "secret") as client:
         with pytest.raises(Invalid, match="is no address at http"):
-            client.study("a\r\nX-Evil: 1")
-        client.study("a b HTTP/1.1 ä")
-    assert there.heard.startswith(b"GET /under/v1/studies/a%20b%20HTTP/1.1%20%C3%A4 HTTP/1.1\r\n")
+            client._json("GET", "/v1/a\r\nX-Evil: 1")
+        client._json("GET", "/v1/a b HTTP/1.1 ä")
+    assert there.heard.startswith(b"GET /under/v1/a%20b%20HTTP/1.1%20%C3%A4 HTTP/1.1\r\n")
 
 
 @pytest.mark.parametrize(
