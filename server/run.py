@@ -13,7 +13,7 @@ from fastapi import FastAPI
 
 from server.app import create_app, open_database
 from server.errors import BadSettingError, ConflictError, CoordinatorError
-from server.http.connections import ImpatientProtocol, strangers
+from server.http.connections import SPEAKER, ImpatientProtocol, strangers
 from server.instance_lock import instance_lock
 from server.logs import configure
 from server.operations.check import refuse_damage
@@ -111,6 +111,7 @@ def _serve(app: FastAPI, settings: Settings) -> None:
         config = uvicorn.Config(
             app,
             http=_AnsweringAtOnce,
+            headers=[SPEAKER],
             access_log=False,
             log_config=None,
             ssl_certfile=settings.tls_certificate,

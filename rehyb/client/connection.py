@@ -175,8 +175,20 @@ class Connection:
                     method, url, content=content or None, headers=headers, timeout=timeout
                 )
             )
+        return self._heard(found)
+
+    def _heard(self, answer: Answer) -> Answer:
+        """Return a coordinator's answer, or a refusal by anybody: `error_of` tells these apart.
+
+        Raises:
+            WrongProtocol: who says that it is done is no coordinator.
+        """
         self._answered = True
-        return found
+        if answer.is_success and not answer.is_coordinators:
+            raise WrongProtocol(
+                f"{self.url} answers, but is no coordinator of rehyb; set REHYB_URL to its address"
+            )
+        return answer
 
     def _patience(self, seconds: float) -> float:
         """Return how long to wait for the other side, `seconds` at most.
@@ -226,6 +238,7 @@ class Connection:
                 whole_file(target) as partial,
                 partial.open("wb") as file,
             ):
+                self._heard(Answer(response.status_code, b"", path, response.headers.raw))
                 if response.status_code != HTTPStatus.OK:
                     response.read()
                     raise error_of(answered(response))
@@ -243,7 +256,7 @@ class Connection:
         """
         try:
             timeout = self._patience(UPLOAD_SECONDS)
-            response = answered(self._http.post(path, timeout=timeout, **content))
+            response = self._heard(answered(self._http.post(path, timeout=timeout, **content)))
         except (httpx2.TransportError, TimeoutError) as error:
             raise self._unreachable(error) from error
         if not response.is_success:
@@ -297,7 +310,8 @@ def wrong_protocol(error: Exception, url: str) -> str | None:
 def error_of(response: Answer) -> RehybError:
     """Turn a refusal into the error that a caller can tell apart, worded by the coordinator."""
     try:
-        problem = response.json()
+        # What another server says in JSON is not for who asked a coordinator.
+        problem = response.json() if response.is_coordinators else None
     except ValueError:
         problem = None
     location = response.header("Location")

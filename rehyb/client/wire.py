@@ -25,6 +25,8 @@ from rehyb.errors import Invalid
 CHUNK = 65_536
 #: What cannot stand in a header.
 BREAKS = ("\r", "\n", "\0")
+#: The header by which a coordinator is told from any other server, in every answer.
+SPEAKER = "X-Rehyb"
 #: First byte of what TLS says: a handshake, or an alert (RFC 8446, section 5.1).
 TLS_RECORDS = (b"\x16", b"\x15")
 
@@ -55,6 +57,11 @@ class Answer:
     def is_success(self) -> bool:
         """Whether what was asked for was done."""
         return HTTPStatus.OK <= self.status_code < HTTPStatus.MULTIPLE_CHOICES
+
+    @property
+    def is_coordinators(self) -> bool:
+        """Whether a coordinator says it, and no other server that is there, or in between."""
+        return bool(self.header(SPEAKER))
 
     def header(self, name: str) -> str:
         """Return what a header says; empty: it is not there."""

@@ -22,6 +22,8 @@ LEAST_RATE = 10_000.0
 STRANGERS_PER_ADDRESS = 256
 STRANGERS = 1024
 SHARE_PER_ADDRESS, SHARE = 1 / 8, 1 / 4
+#: In every answer: tells a client that no other server gives it.
+SPEAKER = ("X-Rehyb", "coordinator")
 _TOO_SLOW = (
     f"the request's body came too slowly: {BODY_SECONDS:g} s and a second for every "
     f"{LEAST_RATE:g} bytes are waited for"
@@ -133,6 +135,7 @@ class ImpatientProtocol(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
             self.transport.abort()
             return
         answer = problem(HTTPStatus.REQUEST_TIMEOUT, _TOO_SLOW, headers={"Connection": "close"})
-        head = b"".join(b"%s: %s\r\n" % header for header in answer.raw_headers)
+        headers = (*self.server_state.default_headers, *answer.raw_headers)
+        head = b"".join(b"%s: %s\r\n" % header for header in headers)
         self.transport.write(b"HTTP/1.1 408 Request Timeout\r\n%s\r\n%s" % (head, answer.body))
         self.transport.close()

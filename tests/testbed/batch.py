@@ -12,6 +12,7 @@ from rehyb.pilots.engines import JobState
 from rehyb.pilots.job import TICKETS
 from rehyb.pilots.keeper import Keeper
 from rehyb.pilots.settings import checked
+from tests.testbed.transport import CoordinatorTransport
 
 WAITING, RUNNING, ENDED = JobState.WAITING, JobState.RUNNING, JobState.ENDED
 FILE = {"provider": "local", "walltime": "1h", "cores": 4, "maximum": 3}
@@ -55,7 +56,7 @@ class Site:
         self.keeper = Keeper(
             settings=checked({**FILE, **said}),
             engine=self.batch,
-            client=Client("http://c", "t", transport=httpx2.MockTransport(self.answer)),
+            client=Client("http://c", "t", transport=CoordinatorTransport(self.answer)),
             token="t",
             folder=folder,
         )

@@ -8,6 +8,7 @@ import pytest
 
 from rehyb.cli import main
 from rehyb.client import Client
+from tests.testbed.transport import CoordinatorTransport
 
 Run = Callable[..., tuple[int, str, str]]
 Coordinator = Callable[[httpx2.Request], httpx2.Response]
@@ -36,7 +37,7 @@ def talk_to(monkeypatch: pytest.MonkeyPatch) -> Callable[[Coordinator], None]:
     """Have every command talk to this coordinator."""
 
     def talk_to(coordinator: Coordinator) -> None:
-        mocked = partial(Client, transport=httpx2.MockTransport(coordinator))
+        mocked = partial(Client, transport=CoordinatorTransport(coordinator))
         for module in ("answers", "studies", "precision", "files", "close_loop", "pilots"):
             monkeypatch.setattr(f"rehyb.cli.{module}.Client", mocked)
 

@@ -6,6 +6,7 @@ from typing import Any
 import httpx2
 
 from rehyb import Client
+from tests.testbed.transport import CoordinatorTransport
 
 
 class Recorder:
@@ -14,7 +15,7 @@ class Recorder:
     def __init__(self, *answers: Any, status: int = 200, headers: dict[str, str] | None = None):
         self._answers, self._status, self._headers = list(answers) or [{}], status, headers
         self.last: httpx2.Request | None = None
-        self.client = Client("http://c:1", "t", transport=httpx2.MockTransport(self))
+        self.client = Client("http://c:1", "t", transport=CoordinatorTransport(self))
 
     def __call__(self, request: httpx2.Request) -> httpx2.Response:
         request.read()

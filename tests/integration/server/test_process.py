@@ -17,6 +17,7 @@ import httpx2
 import pytest
 
 from rehyb import Client, Unreachable
+from rehyb.client.wire import SPEAKER
 from server.http.connections import STRANGERS_PER_ADDRESS
 from tests.testbed.coordinators.certificates import self_signed
 from tests.testbed.fleet import warm
@@ -303,6 +304,20 @@ def test_with_a_certificate_it_speaks_tls_to_those_who_trust_it(
     monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
     with Client(coordinator.url, TOKEN) as client:
         assert client.studies() == []
+
+
+def test_every_answer_says_that_it_is_a_coordinators(start: Start) -> None:
+    coordinator = start()
+    with coordinator.client() as client:
+        answers = [
+            client.get("/healthz"),
+            client.get("/v1/studies"),
+            client.get("/v1/studies/none"),
+            client.get("/v1/studies", headers={"Authorization": "Bearer wrong"}),
+            client.post("/v1/leases", json={}),
+        ]
+    assert [answer.status_code for answer in answers] == [200, 200, 404, 401, 422]
+    assert {answer.headers[SPEAKER] for answer in answers} == {"coordinator"}
 
 
 def test_half_open_connections_make_room_for_those_with_a_token(start: Start) -> None:

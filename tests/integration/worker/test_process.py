@@ -247,6 +247,21 @@ def test_what_waiting_does_not_mend_ends_a_worker_at_its_start_in_one_sentence(
     assert last.startswith("rehyb-worker: ") and words in last
 
 
+def test_another_server_that_speaks_json_ends_a_worker_at_its_start_in_one_sentence(
+    lab: Lab,
+) -> None:
+    lab.coordinator.kill()
+    lab.coordinator.wait()
+    with web_server(lab.port, [200], b'{"models": 1}'):
+        assert lab.start_worker().wait(20) == 1
+    log = (lab.folder / "worker-1.log").read_text()
+    assert "Traceback" not in log
+    assert log.splitlines()[-1] == (
+        f"rehyb-worker: http://127.0.0.1:{lab.port} answers, but is no coordinator of rehyb; "
+        "set REHYB_URL to its address"
+    )
+
+
 def test_who_asks_a_coordinator_with_a_certificate_without_tls_is_told_what_to_write(
     tmp_path: Path,
 ) -> None:

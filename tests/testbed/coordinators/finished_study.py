@@ -15,6 +15,7 @@ from analysis.sensitivity.service import analyse
 from rehyb.client import Client, Json
 from sim.evaluation import evaluate, identity
 from tests.testbed.studies import Function, results_of
+from tests.testbed.transport import CoordinatorTransport
 
 RANGES = {name: Uniform(low=-3.0, high=3.0) for name in ("x1", "x2", "x3")}
 ROWS, WIDTH = 6, 5
@@ -86,7 +87,7 @@ class FinishedStudy:
 
     def client(self) -> Client:
         """Return a client of it."""
-        return Client("http://c", "t", transport=httpx2.MockTransport(self))
+        return Client("http://c", "t", transport=CoordinatorTransport(self))
 
     def __call__(self, request: httpx2.Request) -> httpx2.Response:
         path = request.url.path

@@ -12,6 +12,7 @@ import httpx2
 
 from models.running.pool import Finished
 from rehyb.client import Client
+from tests.testbed.transport import CoordinatorTransport
 from worker.agent import Agent
 from worker.leases import Leases
 from worker.renewing import Renewals
@@ -173,7 +174,7 @@ class Work:
         self, name: str = "w1", max_instances: int | None = None, client: Client | None = None
     ) -> Agent:
         if client is None:
-            client = Client("http://c", "t", transport=httpx2.MockTransport(self.coordinator))
+            client = Client("http://c", "t", transport=CoordinatorTransport(self.coordinator))
         leases = Leases(
             client=client,
             worker={"id": name, "host": "h", "versions": {}},

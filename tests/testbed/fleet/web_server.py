@@ -8,7 +8,9 @@ from itertools import cycle
 
 
 @contextmanager
-def web_server(port: int, statuses: Sequence[int]) -> Iterator[list[int]]:
+def web_server(
+    port: int, statuses: Sequence[int], page: bytes = b"<html>nobody here knows rehyb</html>"
+) -> Iterator[list[int]]:
     """Answer every request at a port of this machine with the next status, over and over.
 
     Yields the statuses that it has answered with.
@@ -18,7 +20,7 @@ def web_server(port: int, statuses: Sequence[int]) -> Iterator[list[int]]:
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             self.rfile.read(int(self.headers.get("Content-Length", 0)))
-            status, page = next(to_come), b"<html>nobody here knows rehyb</html>"
+            status = next(to_come)
             answered.append(status)
             self.send_response_only(status, "so it is")
             self.send_header("Content-Length", str(len(page)))

@@ -12,6 +12,7 @@ import pytest
 from rehyb.client import Client
 from rehyb.errors import Invalid, RehybError
 from sim.evaluation import code
+from tests.testbed.transport import CoordinatorTransport
 from worker.doctor import Finding, examine
 from worker.machine import CanaryError, canary, cpu, new_id
 
@@ -29,7 +30,7 @@ def verdicts(findings: list[Finding]) -> dict[str, str]:
 
 def examined(tmp_path: Path, answer: Callable[[httpx2.Request], httpx2.Response]) -> list[Finding]:
     def connect() -> Client:
-        return Client("http://c", "t", transport=httpx2.MockTransport(answer))
+        return Client("http://c", "t", transport=CoordinatorTransport(answer))
 
     return list(examine(spool=tmp_path / "spool", connect=connect))
 

@@ -16,6 +16,7 @@ from rehyb.client import Client, Json
 from rehyb.errors import Conflict, Invalid
 from tests.testbed.clock import Clock
 from tests.testbed.coordinators.finished_study import STUDY, FinishedStudy
+from tests.testbed.transport import CoordinatorTransport
 
 
 class Coordinator:
@@ -28,7 +29,7 @@ class Coordinator:
         self.goal: dict[str, Any] | None = None
 
     def client(self) -> Client:
-        return Client("http://c", "t", transport=httpx2.MockTransport(self))
+        return Client("http://c", "t", transport=CoordinatorTransport(self))
 
     def __call__(self, request: httpx2.Request) -> httpx2.Response:
         path = request.url.path

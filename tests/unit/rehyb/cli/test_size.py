@@ -10,6 +10,7 @@ import pytest
 
 from rehyb.client import Client
 from sim.models import MODELS
+from tests.testbed.transport import CoordinatorTransport
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -114,7 +115,7 @@ def test_more_rows_of_a_study_that_is_there_are_asked_about(
 
 
 def test_a_script_is_never_asked() -> None:
-    taken = httpx2.MockTransport(lambda request: httpx2.Response(201, json={"id": "s1"}))
+    taken = CoordinatorTransport(lambda request: httpx2.Response(201, json={"id": "s1"}))
     with Client("http://c", "t", transport=taken) as client:
         study = client.submit({"model": "ishigami", "method": "morris", "rows": 99999999})
     assert study == {"id": "s1"}

@@ -3,11 +3,14 @@
 import io
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import httpx2
 import pytest
+
+from rehyb import Client
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -121,3 +124,17 @@ def test_an_id_that_is_none_is_said_and_nothing_is_asked(
 ) -> None:
     assert run(*command.split()) == (1, "", f"rehyb: {said}\n")
     assert coordinator.asked == []
+
+
+@pytest.mark.parametrize("command", ["study list", "study show x", "workers", "model list"])
+def test_a_stranger_s_json_is_not_shown(
+    run: Run, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        return httpx2.Response(200, json={"models": 1, "id": "a stranger's"})
+
+    mocked = partial(Client, "http://lab", transport=httpx2.MockTransport(answer))
+    monkeypatch.setattr("rehyb.cli.answers.Client", lambda _url, token: mocked(token))
+    status, words, said = run(*command.split())
+    assert (status, words) == (1, "")
+    assert said.startswith("rehyb: http://lab answers, but is no coordinator of rehyb; ")

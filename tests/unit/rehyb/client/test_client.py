@@ -21,12 +21,13 @@ from rehyb import (
 )
 from rehyb.client.studies import ANALYSIS_SECONDS
 from tests.testbed.clock import Clock
+from tests.testbed.transport import CoordinatorTransport
 
 Answer = Callable[[httpx2.Request], httpx2.Response]
 
 
 def client(answer: Answer) -> Client:
-    return Client("http://coordinator:1", "secret", transport=httpx2.MockTransport(answer))
+    return Client("http://coordinator:1", "secret", transport=CoordinatorTransport(answer))
 
 
 def always(status: int, **content: object) -> Answer:
@@ -49,7 +50,7 @@ def test_url_and_token_come_from_the_environment(monkeypatch: pytest.MonkeyPatch
         assert str(request.url) == "http://lab:9000/v1/workers"
         return httpx2.Response(200, json={"workers": [{"id": "w"}]})
 
-    assert Client(transport=httpx2.MockTransport(answer)).workers() == [{"id": "w"}]
+    assert Client(transport=CoordinatorTransport(answer)).workers() == [{"id": "w"}]
 
 
 def test_a_client_without_a_token_says_what_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,7 +64,7 @@ def test_a_token_from_a_file_may_end_its_line() -> None:
         assert request.headers["Authorization"] == "Bearer secret"
         return httpx2.Response(200, json={"studies": []})
 
-    with Client("http://c", "secret\n", transport=httpx2.MockTransport(answer)) as client:
+    with Client("http://c", "secret\n", transport=CoordinatorTransport(answer)) as client:
         assert client.studies() == []
 
 

@@ -15,6 +15,7 @@ from rehyb import Client, Invalid, RehybError
 from rehyb.cli import app
 from rehyb.client.close_loops import close_loop_by_worker, interpret_by_worker
 from rehyb.client.packing import packed
+from tests.testbed.transport import CoordinatorTransport
 
 REPORT = {"schema": 1, "verdict": "adequate", "x": 0.1 + 0.2}
 
@@ -48,7 +49,7 @@ class Coordinator:
 
 
 def client(coordinator: Callable[[httpx2.Request], httpx2.Response]) -> Client:
-    return Client("http://c", "t", transport=httpx2.MockTransport(coordinator))
+    return Client("http://c", "t", transport=CoordinatorTransport(coordinator))
 
 
 def close_loop(

@@ -15,6 +15,7 @@ from rehyb.client.close_loops import INTERPRETATIONS
 from rehyb.client.connection import COMPRESS_BYTES, DEFAULT_URL, Connection
 from rehyb.errors import RehybError, WrongProtocol
 from tests.testbed.recorder import Recorder
+from tests.testbed.transport import CoordinatorTransport
 
 
 def test_a_place_without_an_address_is_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -45,7 +46,7 @@ def test_who_has_another_protocol_or_certificate_is_told_from_who_is_not_there()
     def refuse(request: httpx2.Request) -> httpx2.Response:
         raise fault
 
-    client = Client("https://lab", "t", transport=httpx2.MockTransport(refuse))
+    client = Client("https://lab", "t", transport=CoordinatorTransport(refuse))
     for fault.__cause__, words in (
         (certificate, r"not trusted \(self-signed certificate\); SSL_CERT_FILE names one"),
         (plain, r"does not speak TLS: write http://lab$"),
@@ -83,6 +84,41 @@ def test_what_a_web_server_in_between_says_is_not_taken_for_a_coordinators_word(
         client.studies()
     assert type(caught.value) is kind
     assert str(caught.value) == f"http://lab/v1/studies {words}"
+
+
+@pytest.mark.parametrize(
+    ("status", "words"),
+    [
+        (200, "http://lab answers, but is no coordinator of rehyb; set REHYB_URL to its address"),
+        (204, "http://lab answers, but is no coordinator of rehyb; set REHYB_URL to its address"),
+        (404, "answered 404 Not Found, which is no coordinator's word"),
+        (422, "answered 422 Unprocessable Entity, which is no coordinator's word"),
+    ],
+)
+def test_another_server_that_speaks_json_is_told_from_a_coordinator(
+    status: int, words: str, tmp_path: Path
+) -> None:
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        return httpx2.Response(status, json={"detail": "a stranger's", "status": status})
+
+    client = Client("http://lab", "t", transport=httpx2.MockTransport(answer))
+    (tmp_path / "t.csv").write_text("a,b\n")
+    calls: list[Callable[[], object]] = [
+        client.studies,
+        client.workers,
+        client.health,
+        lambda: client.study("s"),
+        lambda: client.delete("s"),
+        lambda: client.lease(worker={}, models=[], max_instances=1),
+        lambda: client.post_results(lease="l", fence=1, worker="w", results=[]),
+        lambda: client.analyse(tmp_path / "t.csv"),
+        lambda: client.results_csv("s", tmp_path / "r.csv"),
+    ]
+    for call in calls:
+        with pytest.raises(WrongProtocol) as caught:
+            call()
+        assert str(caught.value).endswith(words)
+    assert not (tmp_path / "r.csv").exists()
 
 
 @pytest.mark.parametrize(("said", "seconds"), [("12", 12.0), ("", 1.0), ("soon", 1.0)])

@@ -11,6 +11,7 @@ import pytest
 from rehyb import Client, Conflict, Invalid, ServerError
 from tests.testbed.clock import Clock
 from tests.testbed.recorder import Recorder
+from tests.testbed.transport import CoordinatorTransport
 
 GOAL = {"settled": False, "steps": []}
 
@@ -189,7 +190,7 @@ def test_an_upload_sends_a_file_and_returns_the_answer(
         seen.append(request)
         return httpx2.Response(200, json={"id": "x"})
 
-    client = Client("http://c:1", "t", transport=httpx2.MockTransport(answer))
+    client = Client("http://c:1", "t", transport=CoordinatorTransport(answer))
     assert call(client, tmp_path / "a.zip") == {"id": "x"}
     (request,) = seen
     assert (request.method, request.url.raw_path.decode()) == ("POST", path)
@@ -229,7 +230,7 @@ def test_every_page_of_instances_is_asked_for() -> None:
         asked.append(dict(request.url.params))
         return send(request)
 
-    client = Client("http://c:1", "t", transport=httpx2.MockTransport(answer))
+    client = Client("http://c:1", "t", transport=CoordinatorTransport(answer))
     assert client.all_instances("s", state="done", outcome="ok") == [1, 2, 3]
     first = {"state": "done", "outcome": "ok", "limit": "1000"}
     assert asked == [first, {**first, "after": "b"}]
@@ -270,7 +271,7 @@ def test_who_follows_a_study_waits_for_a_coordinator_that_is_restarted_but_not_f
                 return httpx2.Response(failing[number], json={"detail": f"fails at {number}"})
             return there(request)
 
-        return Client("http://c:1", "t", transport=httpx2.MockTransport(answer))
+        return Client("http://c:1", "t", transport=CoordinatorTransport(answer))
 
     last = client(away).wait("s", on_progress=seen.append, clock=clock, sleep=clock.advance)
     assert last == {"state": "cancelled"} and len(seen) == 2

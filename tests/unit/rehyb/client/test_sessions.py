@@ -12,6 +12,7 @@ from rehyb import Client, NotFound
 from server.app import create_app
 from server.settings import Settings
 from server.store import upgrade
+from tests.testbed.transport import CoordinatorTransport
 
 
 @pytest.fixture
@@ -27,7 +28,11 @@ def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
     app = create_app(Settings(database_url=url, token=SecretStr("t")))
     with (
         TestClient(app) as transport,
-        Client("http://testserver", "t", transport=transport._transport) as client,
+        Client(
+            "http://testserver",
+            "t",
+            transport=CoordinatorTransport(transport._transport.handle_request),
+        ) as client,
     ):
         yield client
 

@@ -15,7 +15,7 @@ from rehyb import Client, Invalid, Unreachable
 from rehyb.client.wire import Wire, is_plain
 from rehyb.errors import WrongProtocol
 
-OK = b"HTTP/1.1 200 OK\r\nContent-Length: 14\r\n\r\n"
+OK = b"HTTP/1.1 200 OK\r\nX-Rehyb: coordinator\r\nContent-Length: 14\r\n\r\n"
 ANSWER = OK + b'{"studies":[]}'
 
 
@@ -169,7 +169,8 @@ def test_a_port_that_nobody_listens_at_says_so(host: HostOf) -> None:
 
 def test_a_refusal_before_the_request_is_sent_is_heard(host: HostOf) -> None:
     listener = socket.create_server(("127.0.0.1", 0))
-    refusal = b"HTTP/1.1 413 Too Large\r\nContent-Length: 22\r\n\r\n" + b'{"detail":"too large"}'
+    head = b"HTTP/1.1 413 Too Large\r\nX-Rehyb: coordinator\r\nContent-Length: 22\r\n\r\n"
+    refusal = head + b'{"detail":"too large"}'
 
     def refuse() -> None:
         connection, _ = listener.accept()
@@ -196,9 +197,7 @@ def test_threads_do_not_hear_each_other_s_answers(host: HostOf) -> None:
             while chunk := connection.recv(65536):
                 about = chunk.split(b" ")[1].split(b"/")[-1]
                 body = b'{"id": "%s"}' % about
-                connection.sendall(
-                    b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n" % len(body) + body
-                )
+                connection.sendall(OK.replace(b"14", b"%d" % len(body)) + body)
 
     def serve() -> None:
         with suppress(OSError):

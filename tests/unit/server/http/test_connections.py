@@ -53,8 +53,10 @@ class Peer:
         config = uvicorn.Config(app, log_config=None, lifespan="off")
         self.now = 0.0
         self.loop = SimpleNamespace(time=lambda: self.now, create_task=self._task)
+        state = ServerState()
+        state.default_headers = [(b"x-of-all", b"answers")]
         self.protocol = ImpatientProtocol(
-            config=config, server_state=ServerState(), app_state={}, _loop=self.loop
+            config=config, server_state=state, app_state={}, _loop=self.loop
         )
         self.wire = Wire()
         self.protocol.connection_made(self.wire)
@@ -102,6 +104,7 @@ def test_who_sends_a_body_too_slowly_is_told_so_and_who_sends_no_head_is_not(pee
     assert peer.wire.ended == "closed"
     head, _, body = peer.wire.sent.partition(b"\r\n\r\n")
     assert head.startswith(b"HTTP/1.1 408 ") and b"content-length: %d" % len(body) in head
+    assert b"x-of-all: answers\r\n" in head
     assert json.loads(body)["detail"].startswith("the request's body came too slowly: 30 s and")
 
 

@@ -15,6 +15,7 @@ from analysis.closeloop.contract import REPORT_FILES
 from analysis.interpretation.contract import code
 from models.running.pool import Finished
 from rehyb.client import Client
+from tests.testbed.transport import CoordinatorTransport
 from worker import backoff, renewing
 from worker.close_loop import jobs as close_loop_jobs
 from worker.close_loop.child import OUT, PROGRESS, can_close_loops
@@ -134,7 +135,7 @@ def pool() -> InstantPool:
 
 @pytest.fixture
 def jobs(coordinator: Coordinator, pool: InstantPool, tmp_path: Path) -> Iterator[CloseLoopJobs]:
-    transport = httpx2.MockTransport(coordinator)
+    transport = CoordinatorTransport(coordinator)
     with Client("http://coordinator:1", "secret", transport=transport) as client:
         jobs = CloseLoopJobs(
             client=client,
