@@ -57,9 +57,9 @@ def check(
     read = _read(folder)
     description = read.description
     place = Place.of(description, str(read.path), umbridge or "")
-    if description.kind == Kind.UMBRIDGE and umbridge is None:
-        raise Invalid("a model of kind umbridge needs its server: --umbridge URL")
-    if description.kind != Kind.UMBRIDGE and umbridge is not None:
+    if description.kind == Kind.UMBRIDGE:
+        _check_server(read, umbridge)
+    elif umbridge is not None:
         raise Invalid(
             f"--umbridge is for a model of kind umbridge: this is one of {description.kind}"
         )
@@ -241,6 +241,17 @@ def _of_many(folder: Path, inner: list[Path]) -> str:
         except ModelError as error:
             faults.append(f"; {one / error.file}: {error.detail}")
     return f"{folder} holds {len(inner)} models: name one of them, as {inner[0]}{''.join(faults)}"
+
+
+def _check_server(folder: "ModelFolder", url: str | None) -> None:
+    """Check that a server has the model of a folder, as a worker does; else Invalid."""
+    from models.folder import ModelError
+    from models.umbridge.client import RemoteModel, Server
+
+    if url is None:
+        raise Invalid("a model of kind umbridge needs its server: --umbridge URL")
+    with refusing(ModelError):
+        RemoteModel(folder, Server(url)).close()
 
 
 def _points(description: "Description") -> Iterator[tuple[str, dict[str, float]]]:

@@ -116,6 +116,20 @@ def test_what_is_named_wrong_is_told_in_a_sentence(run: Run, tmp_path: Path) -> 
     assert status == 2 and "model.units is unknown: expected name, kind, description" in err
 
 
+def test_a_server_that_is_not_there_is_told_before_anything_is_evaluated(
+    run: Run, tmp_path: Path
+) -> None:
+    folder = model(tmp_path, "pass")
+    umbridge = TOML.replace("command", "umbridge").partition("run = ")[0]
+    (folder / "model.toml").write_text(umbridge)
+    nowhere = "http://127.0.0.1:1"
+    status, out, err = run("model", "check", str(folder), "--umbridge", nowhere)
+    assert (status, out) == (2, "")
+    assert err.startswith(f"rehyb: {nowhere}: is no UM-Bridge server: ") and err.count("\n") == 1
+    said = "rehyb: a model of kind umbridge needs its server: --umbridge URL\n"
+    assert run("model", "check", str(folder)) == (2, "", said)
+
+
 def test_what_to_do_next_can_be_typed_as_it_stands(run: Run, tmp_path: Path) -> None:
     folder = model(tmp_path, "print(json.dumps({'outputs': {'y': x}}))")
     _, out, _ = run("model", "check", str(folder))
