@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from math import isfinite
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -129,12 +130,15 @@ def number(text: str, what: str) -> float:
     """Return `text` as a number.
 
     Raises:
-        typer.BadParameter: it is none; the message names `what`.
+        typer.BadParameter: it is none, or not finite; the message names `what`.
     """
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
         raise typer.BadParameter(f"{what} must be a number, not {text!r}") from None
+    if not isfinite(value):
+        raise typer.BadParameter(f"{what} must be a finite number, not {text!r}")
+    return value
 
 
 def read_json(source: str) -> Any:

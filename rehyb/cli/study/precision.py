@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from rehyb.cli.answers import Answer, Token, Url, answering
-from rehyb.cli.options import Output, StudyId, Target, optional
+from rehyb.cli.options import Output, StudyId, Target, check_target, optional
 from rehyb.cli.study.size import Yes, check_rows
 from rehyb.client import Client, Json
 from rehyb.client.studies import ANALYSIS_SECONDS
@@ -33,6 +33,7 @@ def watch(
     """
     if up_to is None and (target is not None or output is not None):
         raise typer.BadParameter("--target and --output need --up-to, the rows that it may cost")
+    check_target(target)
     with Client(url, token) as client:
         if up_to is not None:
             check_rows(client, study, up_to, yes)

@@ -105,6 +105,7 @@ def submit(
 ) -> Answer:
     """Submit a study, from a JSON file or from options; options win over the file."""
     check_up_to(target, up_to)
+    check_target(target)
     study = _described(
         (_preset(preset) if preset else {}) | (_read(file) if file else {}),
         {
