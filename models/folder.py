@@ -10,6 +10,7 @@ import tomllib
 import zipfile
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -224,7 +225,11 @@ def _axis(read: Mapping[str, Any], run: Any) -> dict[str, Any]:
     if over != "time" or not isinstance(run, dict):
         return {"over": str(over)}
     first, last = run.get("record_from", 0.0), run.get("duration")
-    if not isinstance(first, int | float) or not isinstance(last, int | float) or last <= first:
+    if (
+        not isinstance(first, int | float)
+        or not isinstance(last, int | float)
+        or not -inf < first < last < inf
+    ):
         # Whoever reads the table says what is wrong with it.
         return {"over": "time"}
     return {"over": "time", "over_unit": "s", "low": float(first), "high": float(last)}

@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from math import isfinite
 from typing import Any
 
@@ -152,7 +153,7 @@ class Simulation:
 def _seconds(run: Mapping[str, Any], name: str, default: float | None) -> float:
     value = run.get(name, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        raise ModelError(f"mjcf.{name} must be a number of seconds")
+        raise ModelError(f"mjcf.{name} must be a finite number of seconds")
     if value < 0 or (value == 0 and default is None):
         raise ModelError(f"mjcf.{name} must be positive, not {value}")
     return float(value)
@@ -198,17 +199,35 @@ def _csv(folder: ModelFolder, name: str, column: str, where: str) -> tuple[Array
     path = inside(folder.path, name, where)
     if path.stat().st_size > MAX_CSV_BYTES:
         raise ModelError(f"is larger than {MAX_CSV_BYTES // 1_000_000} MB", file=name)
+    stamps, signal = list[float](), list[float]()
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file))
-        pairs = np.array([[float(row["time"]), float(row[column])] for row in rows])
-    except KeyError as error:
-        raise ModelError(f"has no column {error}, which {where} needs", file=name) from None
-    except (TypeError, ValueError, csv.Error):
+            rows = csv.DictReader(file)
+            for needed in ("time", column):
+                if needed not in (rows.fieldnames or ()):
+                    raise ModelError(f"has no column {needed!r}, which {where} needs", file=name)
+            for row in rows:
+                at = f"line {rows.line_num}, column"
+                stamps.append(_number(row["time"], f"{at} time", name))
+                signal.append(_number(row[column], f"{at} {column}", name))
+                if len(stamps) > 1 and not stamps[-1] > stamps[-2]:
+                    raise ModelError(
+                        f"{at} time: must grow, and {stamps[-1]:g} follows {stamps[-2]:g}",
+                        file=name,
+                    )
+    except (UnicodeDecodeError, csv.Error):
         raise ModelError("must be a CSV file of numbers with a header", file=name) from None
-    if not len(pairs) or not np.isfinite(pairs).all() or np.any(np.diff(pairs[:, 0]) <= 0):
-        raise ModelError("must have finite numbers, and times that grow", file=name)
-    return pairs[:, 0], pairs[:, 1]
+    if not stamps:
+        raise ModelError("has no line of numbers under its header", file=name)
+    return np.array(stamps), np.array(signal)
+
+
+def _number(cell: str | None, where: str, file: str) -> float:
+    """Return a cell of a CSV file; None: its line is too short."""
+    with suppress(ValueError):
+        if isfinite(value := float(cell or "")):
+            return value
+    raise ModelError(f"{where}: must be a finite number, not {(cell or '')[:40]!r}", file=file)
 
 
 def _content(model: mujoco.MjModel) -> bytes:

@@ -12,16 +12,18 @@ from models.folder import ModelError
 MAX_XML_BYTES = 5_000_000
 #: Of one texture or height field: 4000 x 4000 and more.
 MAX_PIXELS = 17_000_000
+#: How to have one file of many, with every element written out.
+_WHOLE = "write one file, as mujoco.MjSpec.from_file({file!r}).to_xml() returns it in Python"
 #: Elements that reach outside the file, or that make elements without number.
 REFUSED_ELEMENTS = {
-    "include": "an included file; write one file",
+    "include": f"an included file; {_WHOLE}",
     "plugin": "a plugin, which is code",
     "extension": "a plugin, which is code",
-    "attach": "an attached model; write one file",
-    "model": "an attached model; write one file",
-    "replicate": "a generator of elements; write them out",
-    "composite": "a generator of elements; write them out",
-    "flexcomp": "a generator of elements; write them out",
+    "attach": f"an attached model; {_WHOLE}",
+    "model": f"an attached model; {_WHOLE}",
+    "replicate": f"a generator of elements; {_WHOLE}",
+    "composite": f"a generator of elements; {_WHOLE}",
+    "flexcomp": f"a generator of elements; {_WHOLE}",
 }
 #: What MuJoCo reads of a URDF.
 _URDF = ("link", "joint", "material", "mujoco")
@@ -60,8 +62,8 @@ def read_spec(folder: Path, name: str, *, collisions: bool = True) -> mujoco.MjS
     elif not collisions:
         raise ModelError("mjcf.collisions is for a URDF; set contype and conaffinity in MJCF")
     for element in root.iter():
-        if element.tag in REFUSED_ELEMENTS:
-            raise ModelError(f"<{element.tag}> is {REFUSED_ELEMENTS[element.tag]}", file=name)
+        if (what := REFUSED_ELEMENTS.get(element.tag)) is not None:
+            raise ModelError(f"<{element.tag}> is {what.format(file=name)}", file=name)
     if root.tag == "robot":
         _keep_links(root)
     assets = _assets(root, path, folder, name)

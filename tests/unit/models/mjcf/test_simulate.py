@@ -4,6 +4,7 @@ import struct
 from math import pi
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -104,10 +105,21 @@ def test_a_point_that_mujoco_refuses_or_that_blows_up_is_a_named_failure(tmp_pat
         ({"motor = 0.5": "engine = 0.5"}, "no such actuator; the file has motor"),
         ({"motor = 0.5": 'motor = {file = "a.csv", column = "u"}'}, "not in the model's folder"),
         ({"duration = 2.0": "duration = 1e9"}, "steps of 0.002 s; at most"),
+        (
+            {'reduce = "last"': "curve = 5", "duration = 2.0": "duration = inf"},
+            "mjcf.duration must be a finite number of seconds",
+        ),
         ({"duration = 2.0": 'duration = 2.0\nkeyframe = "start"'}, "no keyframe 'start'"),
         ({"duration = 2.0": "duration = 2.0\nspeed = 3"}, "mjcf.speed is unknown"),
         ({'file = "pendulum.xml"': 'file = "../pendulum.xml"'}, "not in the model's folder"),
-        ({"<worldbody>": '<include file="a.xml"/><worldbody>'}, "<include> is an included file"),
+        (
+            {"<worldbody>": '<include file="a.xml"/><worldbody>'},
+            "<include> is an included file; write one",
+        ),
+        (
+            {"<worldbody>": '<worldbody><replicate count="9"/>'},
+            "write one file, as mujoco.MjSpec.from_file('pendulum.xml').to_xml() returns it in",
+        ),
         ({"<worldbody>": "<extension/><worldbody>"}, "<extension> is a plugin"),
         (
             {"<worldbody>": '<asset><mesh file="/etc/passwd"/></asset><worldbody>'},
@@ -124,6 +136,44 @@ def test_what_is_wrong_in_the_files_is_one_sentence(
     with pytest.raises(ModelError) as caught:
         simulation(tmp_path, changes)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("time,u\n0,1\n\n0.1,fast\n", "line 4, column u: must be a finite number, not 'fast'"),
+        ("time,u\n0,nan\n", "line 2, column u: must be a finite number, not 'nan'"),
+        ("time,u\n0,1\n0.1\n", "line 3, column u: must be a finite number, not ''"),
+        ("time,u\nsoon,1\n", "line 2, column time: must be a finite number, not 'soon'"),
+        ("time,u\n0,1\n0.2,1\n0.1,1\n", "line 4, column time: must grow, and 0.1 follows 0.2"),
+        ("time,u\n", "has no line of numbers under its header"),
+        ("", "has no column 'time', which mjcf.controls.motor needs"),
+        ("time,v\n0,1\n", "has no column 'u', which mjcf.controls.motor needs"),
+    ],
+)
+def test_what_is_wrong_in_the_controls_is_told_by_line_and_column(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    folder = edited("pendulum", tmp_path, {"motor = 0.5": 'motor = {file = "a.csv", column = "u"}'})
+    (folder / "a.csv").write_text(text)
+    with pytest.raises(ModelError) as caught:
+        Simulation(read_folder(folder))
+    assert str(caught.value) == f"a.csv: {words}"
+
+
+def test_a_model_of_many_files_is_written_as_one(tmp_path: Path) -> None:
+    folder = edited(
+        "pendulum", tmp_path, {"</worldbody>": '</worldbody><include file="more.xml"/>'}
+    )
+    (folder / "more.xml").write_text(
+        '<mujoco><worldbody><replicate count="3" offset="1 0 0"><geom pos="9 0 0" size="0.1"/>'
+        "</replicate></worldbody></mujoco>"
+    )
+    with pytest.raises(ModelError, match="<include> is an included file; write one file, as"):
+        Simulation(read_folder(folder))
+    whole = mujoco.MjSpec.from_file(str(folder / "pendulum.xml")).to_xml()
+    (folder / "pendulum.xml").write_text(whole)
+    assert Simulation(read_folder(folder))({}) == simulation(tmp_path / "as it was", {})({})
 
 
 @pytest.mark.parametrize(
