@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from rehyb.cli import campaigns, close_loop, inspect, interpretation, models, simulation
+from rehyb.cli.answers import print_line
 from rehyb.cli.operate import database, pilots, services, tokens
 from rehyb.cli.study import analyses, files, precision, reports, studies, surrogates
 from rehyb.cli.study import control as control  # its commands join those of `studies`
@@ -77,7 +78,7 @@ def main() -> None:
     try:
         app(prog_name="rehyb")
     except RehybError as error:
-        print(f"rehyb: {error}", file=sys.stderr)
+        print_line(f"rehyb: {error}", err=True)
         sys.exit(2 if isinstance(error, Invalid) else 1)
     except OSError as error:
         # A file that cannot be written, a port that cannot be listened on.

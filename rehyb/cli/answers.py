@@ -38,7 +38,7 @@ class Answer:
         elif callable(self.text):
             self.text()
         elif self.text:
-            typer.echo(self.text)
+            print_line(self.text)
         if self.status:
             raise typer.Exit(self.status)
 
@@ -99,18 +99,26 @@ def print_json(content: Any) -> None:
     print(json_text(content), flush=True)
 
 
+def print_line(text: str, *, err: bool = False) -> None:
+    """Print a text in which others may have put what turns a line around or shows as nothing."""
+    from analysis.reports.wording import visible
+
+    typer.echo(visible(text), err=err)
+
+
 def print_rows(columns: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> None:
     """Print what `rows` have under `columns`: a table, or where that is too wide lines."""
     from rich.console import Console
     from rich.text import Text
 
+    from analysis.reports.wording import visible
     from rehyb.display import ANY_WIDTH, plain_table
 
     console = Console()
     table = plain_table(*columns)
     for row in rows:
         # A name may have brackets, which are no markup.
-        table.add_row(*(Text(str(row.get(column, ""))) for column in columns))
+        table.add_row(*(Text(visible(str(row.get(column, "")))) for column in columns))
     if console.measure(table, options=console.options.update(width=ANY_WIDTH)).maximum <= (
         console.width
     ):
@@ -119,4 +127,5 @@ def print_rows(columns: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> N
     name, *others = columns
     for row in rows:
         said = [f"{other} {row[other]}" for other in others if row.get(other, "") not in ("", None)]
-        console.print(f"{row[name]}: {', '.join(said)}", markup=False, highlight=False)
+        line = visible(f"{row[name]}: {', '.join(said)}")
+        console.print(line, markup=False, highlight=False)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rehyb.cli.answers import Answer, answering, print_rows
+from rehyb.cli.answers import Answer, answering, print_line, print_rows
 from rehyb.cli.options import interruptible
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid, refusing
@@ -313,7 +313,7 @@ def _print_check(
         ],
     )
     for fault in faults:
-        typer.echo(fault)
+        print_line(fault)
     for name in still(description, [row["outputs"] for row in rows]):
         typer.echo(f"{name} is the same at every point: nothing here moves it")
     if not faults:
@@ -336,7 +336,7 @@ def still(description: "Description", outputs: list[dict[str, float]]) -> list[s
 
 
 def _print_model(model: Json) -> None:
-    typer.echo(f"{model['name']}@{model['digest']} ({model['kind']}): {model['description']}")
+    print_line(f"{model['name']}@{model['digest']} ({model['kind']}): {model['description']}")
     print_rows(("name", "unit", "low", "nominal", "high", "description"), model["factors"])
     outputs = [{**output, "points": output["curve"] or 1} for output in model["outputs"]]
     print_rows(("name", "unit", "points"), outputs)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from rehyb.again import Code, compared, evaluating, not_here
-from rehyb.cli.answers import Answer, answering, json_text, print_rows
+from rehyb.cli.answers import Answer, answering, json_text, print_line, print_rows
 from rehyb.cli.options import AllowedPackages, ModelFolders, Servers, StudyId, optional
 from rehyb.cli.study.size import Yes, check_rows
 from rehyb.cli.study.studies import app
@@ -181,7 +181,7 @@ def _replayed(client: Client, bundle: Json, code: Code) -> Answer:
 
 def _print_replayed(answer: Json, sentence: str) -> None:
     said = f"{answer['outcome']} {answer['reason']}".strip()
-    typer.echo(f"{answer['id']} of {answer['model']}: {said}")
+    print_line(f"{answer['id']} of {answer['model']}: {said}")
     stored = (answer["stored"] or {}).get("outputs") or {}
     rows = [
         {"output": name, "here": repr(value), "study": repr(stored[name]) if name in stored else ""}
@@ -189,7 +189,7 @@ def _print_replayed(answer: Json, sentence: str) -> None:
     ]
     if rows:
         print_rows(("output", "here", "study"), rows[:SHOWN])
-    typer.echo(sentence)
+    print_line(sentence)
 
 
 def _state(study: Json) -> Answer:

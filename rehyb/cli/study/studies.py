@@ -14,6 +14,7 @@ from rehyb.cli.answers import (
     Url,
     answering,
     file_written,
+    print_line,
     print_rows,
     study_submitted,
 )
@@ -131,7 +132,7 @@ def submit(
         if up_to is None:
             return submitted
         if not as_json:
-            print(submitted.text, flush=True)
+            submitted.show(as_json=False)
         precise = wait_for_precision(client, submitted.content["id"], as_json=as_json)
     return Answer(submitted.content | precise, status=0 if precise["reached"] else 1)
 
@@ -174,7 +175,7 @@ def progress(
         if as_json:
             print(json.dumps(answer), flush=True)
         else:
-            print(f"{answer['state']}: {progress_in_words(answer)}", flush=True)
+            print_line(f"{answer['state']}: {progress_in_words(answer)}")
 
     if watch:
         client.wait(study, on_progress=show_one)

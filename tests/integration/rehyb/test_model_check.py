@@ -88,6 +88,7 @@ MISTAKES = {
     "raise ValueError('no such muscle')": "it said last: ValueError: no such muscle",
     "print(x)": "must print {",
     "pass": "before it answered: it must print one line of JSON",
+    r"print(json.dumps({'outcome': 'odd', 'reason': 'a\u202eb'}))": r"odd: a\u202eb",
 }
 
 

@@ -138,3 +138,37 @@ def test_a_stranger_s_json_is_not_shown(
     status, words, said = run(*command.split())
     assert (status, words) == (1, "")
     assert said.startswith("rehyb: http://lab answers, but is no coordinator of rehyb; ")
+
+
+@pytest.mark.parametrize("columns", ["300", "40"])
+@pytest.mark.parametrize(
+    "command", ["study list", "study failures s", "model list", "study show s"]
+)
+def test_what_would_not_be_seen_on_a_terminal_is_written_out(
+    run: Run,
+    talk_to: Callable[[Any], None],
+    monkeypatch: pytest.MonkeyPatch,
+    command: str,
+    columns: str,
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    name = "a\u202eb\x1b[2Jc"
+    model = {"name": "m", "own": False, "kind": "command", "digest": "d", "factors": []}
+    said = {
+        "id": "s",
+        "name": name,
+        "studies": [{"id": "s", "name": name}],
+        "instances": [{**FAILED, "reason": name}],
+        "models": [{**model, "description": name}],
+        "next": None,
+    }
+    talk_to(lambda request: httpx2.Response(200, json=said))
+    status, words, _ = run(*command.split())
+    assert status == 0
+    assert "a\\u202eb\\u001b[2Jc" in words
+    assert not {"\u202e", "\x1b"} & set(words)
+
+
+def test_a_refusal_is_written_as_it_would_be_seen(run: Run, talk_to: Callable[[Any], None]) -> None:
+    talk_to(lambda request: httpx2.Response(404, json={"detail": "there is no study 'a\u202eb'"}))
+    assert run("study", "show", "s") == (1, "", "rehyb: there is no study 'a\\u202eb'\n")
