@@ -256,8 +256,10 @@ class _Process:
         return f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
 
     def _last_line(self) -> str:
-        lines = [line for line in self._written().splitlines() if line.strip()]
-        return f"{lines[-1].strip() if lines else 'no word'} (see {self._log})"
+        lines = [line.strip() for line in self._written().splitlines() if line.strip()]
+        # Who reads it has been told by then which command speaks.
+        said = lines[-1].removeprefix("rehyb: ") if lines else "no word"
+        return f"{said} (see {self._log})"
 
 
 def _end(processes: list[_Process]) -> None:

@@ -28,6 +28,8 @@ CHECK_SECONDS = 10.0
 #: New objects after which Python looks for garbage in circles. Its own 700 are those of a few
 #: requests under way, which go without it.
 GARBAGE = 10_000
+#: How whoever starts a coordinator says where it listens: `rehyb up` starts one, too.
+_PORT = "REHYB_PORT (--port of `rehyb up`)"
 
 
 def serve(settings: Settings) -> None:
@@ -92,12 +94,12 @@ def _objection(error: OSError, host: str, port: int) -> CoordinatorError:
         return BadSettingError(f"REHYB_HOST must be {AN_ADDRESS}, not {host[:40]!r}")
     if error.errno == errno.EADDRINUSE:
         return ConflictError(
-            f"something else listens on port {port} of {host}: stop it, or set REHYB_PORT to "
-            "another one (0: any that is free)"
+            f"something else listens on port {port} of {host}: stop it, or set {_PORT} to another "
+            "one (0: any that is free)"
         )
     if error.errno == errno.EACCES:
         return BadSettingError(
-            f"this user may not listen on port {port}: set REHYB_PORT to one from 1024 on"
+            f"this user may not listen on port {port}: set {_PORT} to one from 1024 on"
         )
     return CoordinatorError(f"nobody can listen on port {port} of {host}: {error.strerror}")
 

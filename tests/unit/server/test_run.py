@@ -111,8 +111,8 @@ def test_a_port_that_somebody_has_is_named_with_the_setting_that_takes_another()
         with pytest.raises(ConflictError) as refused:
             listening("127.0.0.1", port)
     assert str(refused.value) == (
-        f"something else listens on port {port} of 127.0.0.1: stop it, or set REHYB_PORT to "
-        "another one (0: any that is free)"
+        f"something else listens on port {port} of 127.0.0.1: stop it, or set REHYB_PORT "
+        "(--port of `rehyb up`) to another one (0: any that is free)"
     )
 
 
@@ -122,7 +122,8 @@ def test_a_port_that_somebody_has_is_named_with_the_setting_that_takes_another()
         (
             errno.EACCES,
             BadSettingError,
-            "this user may not listen on port 80: set REHYB_PORT to one from 1024 on",
+            "this user may not listen on port 80: set REHYB_PORT (--port of `rehyb up`) to one "
+            "from 1024 on",
         ),
         (
             errno.EMFILE,
