@@ -14,12 +14,12 @@ from analysis.files.results_csv import columns
 from server.logic.study.table import lines
 from server.operations.fleet import results
 from server.operations.study import studies
-from server.routes.common import Configured, Id, Store
+from server.routes.common import Configured, Id, Route, Store
 from server.routes.fleet.results import csv_text
 from server.routes.uploads import FORM, receive
 from server.sandbox import check
 
-router = APIRouter(prefix="/v1", tags=["analyses"])
+router = APIRouter(prefix="/v1", tags=["analyses"], route_class=Route)
 
 _FILE = {"schema": {"type": "string", "format": "binary", "examples": ["x1,x2,y\n0.1,0.2,0.3\n"]}}
 _BODY = {

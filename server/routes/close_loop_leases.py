@@ -26,6 +26,7 @@ from server.routes.common import (
     Id,
     Name,
     Now,
+    Route,
     Store,
     as_json,
     example,
@@ -35,7 +36,7 @@ from server.states import JobKind, Outcome, Verdict
 
 log = logging.getLogger(__name__)
 
-router = APIRouter(prefix="/v1/close-loops", tags=["leases"])
+router = APIRouter(prefix="/v1/close-loops", tags=["leases"], route_class=Route)
 
 _LEASE = "0f8e4ab7c5d94e2b8a1d6c3f7e9b2a10"
 

@@ -25,6 +25,7 @@ from server.routes.common import (
     IfNoneMatch,
     Name,
     Now,
+    Route,
     Store,
     as_json,
     attachment,
@@ -34,7 +35,7 @@ from server.routes.common import (
 from server.routes.events import Moment, stream
 from server.states import CloseLoopState, JobKind, Outcome
 
-router = APIRouter(prefix="/v1", tags=["close-loops"])
+router = APIRouter(prefix="/v1", tags=["close-loops"], route_class=Route)
 #: Where the jobs of a kind are.
 PLACES = {JobKind.CLOSE_LOOP: "close-loops", JobKind.INTERPRETATION: "interpretations"}
 

@@ -9,12 +9,15 @@ from http import HTTPStatus
 from typing import Annotated, Any, get_type_hints
 
 from fastapi import Depends, Header, Path, Request, Response
+from fastapi.dependencies.utils import get_flat_params
 from fastapi.exceptions import RequestValidationError
+from fastapi.params import Query
 from fastapi.responses import StreamingResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, StringConstraints, TypeAdapter, ValidationError
 from pydantic_core import to_json
 from sqlalchemy.engine import Engine
+from starlette.datastructures import QueryParams
 from starlette.types import Receive, Scope, Send
 
 from analysis.json_values import key_twice
@@ -132,7 +135,35 @@ async def no_key_twice(request: Request) -> None:
 _HALF = re.compile(rb"\\u[dD][89a-fA-F]")
 
 
-class Direct(APIRoute):
+class Route(APIRoute):
+    """A route of the interface: it refuses a query that it does not know.
+
+    To ignore a name that is written wrongly would be to answer another question.
+    """
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        known = get_flat_params(self.dependant)
+        self._known = [one.alias for one in known if isinstance(one.field_info, Query)]
+
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request (ASGI)."""
+        # Not of pages, which are in no schema: links from elsewhere add names of their own.
+        asks = scope["query_string"] and scope["method"] in (self.methods or ())
+        if asks and self.include_in_schema:
+            self._refuse_unknown(QueryParams(scope["query_string"]))
+        await super().handle(scope, receive, send)
+
+    def _refuse_unknown(self, query: QueryParams) -> None:
+        why = f"no such query parameter: this route knows {', '.join(self._known) or 'none'}"
+        unknown = [name for name in query if name not in self._known]
+        if unknown:
+            raise RequestValidationError(
+                [{"type": "unknown", "loc": ("query", name), "msg": why} for name in unknown]
+            )
+
+
+class Direct(Route):
     """A route that workers ask all the time: its endpoint takes `body` and `request` only.
 
     It is described as any other, but called without FastAPI's search for what it depends on, and

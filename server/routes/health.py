@@ -3,8 +3,9 @@
 from fastapi import APIRouter, HTTPException, Request
 
 from server.http.problems import AGAIN
+from server.routes.common import Route
 
-router = APIRouter(tags=["health"])
+router = APIRouter(tags=["health"], route_class=Route)
 
 
 @router.get("/healthz")

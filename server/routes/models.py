@@ -16,11 +16,11 @@ from server.http.encodings import is_json
 from server.logic.tokens import may
 from server.operations import models
 from server.records import ModelVersion
-from server.routes.common import Configured, Id, Now, Store, attachment, read_object
+from server.routes.common import Configured, Id, Now, Route, Store, attachment, read_object
 from server.routes.uploads import ZIP_OR_FORM, receive
 from server.sandbox import check
 
-router = APIRouter(prefix="/v1/models", tags=["models"])
+router = APIRouter(prefix="/v1/models", tags=["models"], route_class=Route)
 
 _DESCRIPTION = {
     "schema": {

@@ -14,11 +14,11 @@ from sqlalchemy.engine import Engine
 
 from server.operations import sessions
 from server.records import Session
-from server.routes.common import Configured, Id, Now, Store, attachment
+from server.routes.common import Configured, Id, Now, Route, Store, attachment
 from server.routes.uploads import ZIP_OR_FORM, receive
 from server.sandbox import check
 
-router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
+router = APIRouter(prefix="/v1/sessions", tags=["sessions"], route_class=Route)
 
 #: What a session may be called: it names a file.
 SessionName = Annotated[

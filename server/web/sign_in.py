@@ -14,10 +14,10 @@ from server.http.problems import problem
 from server.logic.signing_in import OPERATOR, SIGNED_IN_SECONDS, Seal, comes_from_here
 from server.logic.tokens import FAILURE_SECONDS, Believed, Failures, may
 from server.operations import sign_in_codes, tokens
-from server.routes.common import Body, Now, Store
+from server.routes.common import Body, Now, Route, Store
 from server.web.assets import page_headers, render
 
-router = APIRouter()
+router = APIRouter(route_class=Route)
 
 
 class SignIn:

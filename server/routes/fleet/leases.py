@@ -25,6 +25,7 @@ from server.routes.common import (
     LeaseId,
     Name,
     Now,
+    Route,
     Store,
     as_json,
     example,
@@ -32,7 +33,7 @@ from server.routes.common import (
 
 log = logging.getLogger(__name__)
 
-router = APIRouter(prefix="/v1/leases", tags=["leases"])
+router = APIRouter(prefix="/v1/leases", tags=["leases"], route_class=Route)
 
 #: What `/readyz` calls what a worker was not given.
 LEASE = "lease"

@@ -26,7 +26,7 @@ from server.metrics import Metrics
 from server.operations.fleet import results
 from server.operations.fleet.exchange import Answer, Exchange, Grant, Ineligible, Post
 from server.operations.study import studies
-from server.routes.common import Body, Direct, Id, Name, Store, as_json, example
+from server.routes.common import Body, Direct, Id, Name, Route, Store, as_json, example
 from server.routes.fleet.leases import LEASE, Fence, LeaseBody, granted, requested, sweep
 from server.routes.study.studies import show
 from server.settings import Settings
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-router = APIRouter(prefix="/v1", tags=["results"])
+router = APIRouter(prefix="/v1", tags=["results"], route_class=Route)
 
 Short = Annotated[str, StringConstraints(max_length=256)]
 

@@ -8,11 +8,11 @@ from fastapi import APIRouter, Query
 from server.logic.fleet.comparisons import Reputation
 from server.operations.fleet import comparisons
 from server.operations.fleet import work as of_work
-from server.routes.common import PRINTABLE, Now, Store
+from server.routes.common import PRINTABLE, Now, Route, Store
 from server.store.database.engine import reading
 from server.store.fleet import workers
 
-router = APIRouter(prefix="/v1", tags=["workers"])
+router = APIRouter(prefix="/v1", tags=["workers"], route_class=Route)
 
 Group = Annotated[
     str | None,

@@ -7,9 +7,9 @@ from server.logic.conditional_requests import tag
 from server.logic.study.points import for_analysis
 from server.operations.study import studies
 from server.operations.study.result_log import StoreResultLog
-from server.routes.common import Id, IfNoneMatch, Store, as_json, not_modified
+from server.routes.common import Id, IfNoneMatch, Route, Store, as_json, not_modified
 
-router = APIRouter(prefix="/v1/studies/{study_id}/indices", tags=["studies"])
+router = APIRouter(prefix="/v1/studies/{study_id}/indices", tags=["studies"], route_class=Route)
 
 
 @router.get("", response_model=None)

@@ -9,9 +9,9 @@ from server.errors import InvalidStudyError
 from server.logic.fleet.verdicts import OUTCOME
 from server.logic.study.points import instance_id, parameters, point
 from server.operations.study import instances
-from server.routes.common import MAX_INTEGER, Id, Store, as_json
+from server.routes.common import MAX_INTEGER, Id, Route, Store, as_json
 
-router = APIRouter(prefix="/v1/studies/{study_id}/instances", tags=["instances"])
+router = APIRouter(prefix="/v1/studies/{study_id}/instances", tags=["instances"], route_class=Route)
 
 State = Annotated[
     Literal["pending", "leased", "done", "ok", "failed", "quarantined"] | None,

@@ -6,10 +6,10 @@ from fastapi import APIRouter
 
 from server.logic.study.precision_goals import precision_goal
 from server.operations.study import precision_goals, studies
-from server.routes.common import Id, Store
+from server.routes.common import Id, Route, Store
 from server.routes.study.studies import PrecisionBody, show
 
-router = APIRouter(prefix="/v1/studies/{study_id}/precision", tags=["studies"])
+router = APIRouter(prefix="/v1/studies/{study_id}/precision", tags=["studies"], route_class=Route)
 
 
 # As clients know it.

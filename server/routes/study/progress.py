@@ -10,10 +10,10 @@ from server.logic.study.precision_goals import is_settled
 from server.logic.study.precision_goals import shown as goal_shown
 from server.operations.study import studies
 from server.operations.study.studies import Standing
-from server.routes.common import Id, IfNoneMatch, Now, RowPatience, Store, not_modified
+from server.routes.common import Id, IfNoneMatch, Now, Route, RowPatience, Store, not_modified
 from server.routes.events import Moment, stream
 
-router = APIRouter(prefix="/v1/studies/{study_id}", tags=["studies"])
+router = APIRouter(prefix="/v1/studies/{study_id}", tags=["studies"], route_class=Route)
 
 #: Seconds between two looks at the database for the sake of one listener.
 EVENT_SECONDS = 1.0

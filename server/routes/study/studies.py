@@ -33,13 +33,16 @@ from server.routes.common import (
     Id,
     Name,
     Now,
+    Route,
     Store,
     example,
     no_key_twice,
 )
 from server.states import StudyState
 
-router = APIRouter(prefix="/v1/studies", tags=["studies"], dependencies=[Depends(no_key_twice)])
+router = APIRouter(
+    prefix="/v1/studies", tags=["studies"], dependencies=[Depends(no_key_twice)], route_class=Route
+)
 
 #: Of a study that is submitted, what its plan is drawn up from, besides model and factors.
 _OF_PLAN = {

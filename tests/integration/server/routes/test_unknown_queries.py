@@ -1,0 +1,58 @@
+"""What a route does not know of a query is refused, and not ignored."""
+
+import pytest
+from fastapi import FastAPI
+from fastapi.routing import APIRoute
+from fastapi.testclient import TestClient
+
+from server.routes.common import Route
+from tests.testbed.coordinators.rest_bodies import is_problem
+
+SAID = "no such query parameter: this route knows "
+
+
+def test_every_route_of_the_interface_refuses_what_it_does_not_know(app: FastAPI) -> None:
+    described = [one for one in app.routes if isinstance(one, APIRoute) and one.include_in_schema]
+    assert len(described) > 40
+    assert [one.path for one in described if not isinstance(one, Route)] == []
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "unknown", "known"),
+    [
+        (
+            "GET",
+            "/v1/studies/s/instances?state=failed&sate=failed",
+            ["sate"],
+            "state, outcome, after, limit, replay",
+        ),
+        ("GET", "/v1/work?Group=a&x", ["Group", "x"], "group"),
+        ("GET", "/v1/studies?limit=1", ["limit"], "none"),
+        # Those that workers ask for all the time are called without FastAPI.
+        ("POST", "/v1/leases?x=1", ["x"], "none"),
+        ("POST", "/v1/results?x=1", ["x"], "none"),
+        ("POST", "/v1/studies?rows=2", ["rows"], "none"),
+        ("POST", "/v1/studies/s/analyses?factor=x1", ["factor"], "output"),
+        ("GET", "/metrics?name[]=a", ["name[]"], "none"),
+        ("GET", "/healthz?x=1", ["x"], "none"),
+        ("POST", "/v1/sign-in-codes?next=a", ["next"], "none"),
+    ],
+)
+def test_an_unknown_name_is_named_with_those_that_are_known(
+    client: TestClient, method: str, path: str, unknown: list[str], known: str
+) -> None:
+    problem = is_problem(client.request(method, path), 422)
+    assert problem["errors"] == [
+        {"pointer": f"/query/{name}", "detail": SAID + known} for name in unknown
+    ]
+
+
+def test_what_is_known_is_taken_and_a_wrong_method_stays_one(client: TestClient) -> None:
+    assert client.get("/v1/work?group=a").status_code == 200
+    assert client.get("/v1/models?wanted=true").status_code == 200
+    assert client.put("/v1/studies?x=1").status_code == 405
+
+
+def test_pages_ignore_what_they_do_not_know(client: TestClient) -> None:
+    assert client.get("/sign-in?next=%2F&x=1").status_code == 200
+    assert client.get("/?x=1").status_code == 200
