@@ -75,12 +75,7 @@ def draw_up(
         raise InvalidStudyError("/model", f"{called} cannot be sampled: {error}") from None
     _known("/method", "method", method, METHODS)
     _known("/sampling", "sampling", sampling, samplings(method))
-    if not 1 <= rows <= MAX_ROWS:
-        raise InvalidStudyError("/rows", f"rows must lie between 1 and {MAX_ROWS}, not {rows}")
-    if method == "surrogate" and rows > MOST_RUNS:
-        raise InvalidStudyError(
-            "/rows", f"surrogate fits a function to {MOST_RUNS} rows at most, not {rows}"
-        )
+    check_rows(method, rows)
     known = [source.name for source in model.sources]
     numbers = _fixed(model, fixed)
     if factors is None:
@@ -181,6 +176,16 @@ def _check_groups(
             "/sampling",
             "groups of morris move along trajectories: sampling must be trajectories, not "
             f"{sampling}",
+        )
+
+
+def check_rows(method: str, rows: int) -> None:
+    """Raise InvalidStudyError if no study of a method can have so many rows."""
+    if not 1 <= rows <= MAX_ROWS:
+        raise InvalidStudyError("/rows", f"rows must lie between 1 and {MAX_ROWS}, not {rows}")
+    if method == "surrogate" and rows > MOST_RUNS:
+        raise InvalidStudyError(
+            "/rows", f"surrogate fits a function to {MOST_RUNS} rows at most, not {rows}"
         )
 
 

@@ -4,9 +4,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
 from server.errors import ConflictError
-from server.logic.study.plans import MAX_ROWS
+from server.logic.study.plans import check_rows
 from server.records import Instance, Place, Result, Study
 from server.states import InstanceState, Outcome, StudyState
 
@@ -129,8 +128,10 @@ def extended(study: Study, rows: int) -> Study:
     """Return the study with as many rows; what there is of it stays as it is.
 
     Raises:
-        ConflictError: it cannot have that many.
+        InvalidStudyError: no study can have that many.
+        ConflictError: this one cannot.
     """
+    check_rows(study.plan.method, rows)
     if (objection := _objection_to_extension(study, rows)) is not None:
         raise ConflictError(f"study {study.id} cannot have {rows} rows: {objection}")
     if rows == study.plan.rows:
@@ -151,10 +152,6 @@ def _objection_to_extension(study: Study, rows: int) -> str | None:
         return "it was cancelled"
     if rows < study.plan.rows:
         return f"it has {study.plan.rows} rows, and a study never shrinks"
-    if rows > MAX_ROWS:
-        return f"a study has {MAX_ROWS} rows at most"
-    if study.plan.method == "surrogate" and rows > MOST_RUNS:
-        return f"a function is fitted to {MOST_RUNS} runs at most"
     return None
 
 

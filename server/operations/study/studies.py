@@ -213,7 +213,8 @@ def extend(engine: Engine, study_id: str, rows: int) -> Study:
     `rows`: how many it has then in all, so that asking twice changes nothing.
 
     Raises:
-        ConflictError: it is cancelled, or cannot have that many.
+        InvalidStudyError: no study can have that many.
+        ConflictError: it is cancelled, or has more.
     """
     return _change(engine, study_id, lambda study: life.extended(study, rows))
 

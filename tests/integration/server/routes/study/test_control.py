@@ -12,7 +12,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from analysis.sensitivity.service import catch_up
 from server.operations.study.result_log import StoreResultLog
 from tests.testbed.clock import Clock
-from tests.testbed.coordinators.rest_bodies import STUDY, Json, posting, result
+from tests.testbed.coordinators.rest_bodies import STUDY, Json, is_problem, posting, result
 
 
 @pytest.fixture
@@ -61,6 +61,16 @@ def test_a_study_is_paused_resumed_preferred_extended_and_deleted(
     assert client.post(f"{path}/resume").status_code == 409
     assert client.delete(path).status_code == 204
     assert client.delete(path).status_code == 404
+
+
+def test_too_many_rows_are_the_same_mistake_of_a_new_study_and_of_one_that_is_there(
+    client: TestClient, study: str
+) -> None:
+    for rows in (10**20, 0):
+        new = client.post("/v1/studies", json={**STUDY, "rows": rows})
+        more = client.post(f"/v1/studies/{study}/extend", json={"rows": rows})
+        assert is_problem(more, 422) == is_problem(new, 422)
+        assert more.json()["pointer"] == "/rows"
 
 
 def test_the_failed_run_again(client: TestClient, study: str) -> None:

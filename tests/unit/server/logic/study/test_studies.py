@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
-from server.errors import ConflictError
+from server.errors import ConflictError, InvalidStudyError
 from server.logic.study import studies
 from server.logic.study.plans import MAX_ROWS
 from server.records import Instance, Place, Plan, Result, Study
@@ -55,7 +55,7 @@ def test_a_study_of_a_fitted_function_has_no_more_runs_than_it_can_be_fitted_to(
     running = study()
     fitted = replace(running, plan=replace(running.plan, method="surrogate"))
     assert studies.extended(fitted, MOST_RUNS).plan.rows == MOST_RUNS
-    with pytest.raises(ConflictError, match=f"a function is fitted to {MOST_RUNS} runs at most$"):
+    with pytest.raises(InvalidStudyError, match=f"a function to {MOST_RUNS} rows at most, not 513"):
         studies.extended(fitted, MOST_RUNS + 1)
     assert studies.extended(running, MOST_RUNS + 1).plan.rows == MOST_RUNS + 1
 
@@ -235,7 +235,6 @@ def test_more_rows_let_a_complete_study_run_and_leave_others_as_they_are(study: 
     [
         ("cancelled", 5, "it was cancelled"),
         ("running", 2, "it has 3 rows, and a study never shrinks"),
-        ("running", MAX_ROWS + 1, f"a study has {MAX_ROWS} rows at most"),
     ],
 )
 def test_a_study_says_why_it_cannot_have_so_many_rows(
@@ -244,3 +243,11 @@ def test_a_study_says_why_it_cannot_have_so_many_rows(
     with pytest.raises(ConflictError) as refused:
         studies.extended(study(state=state), rows)
     assert str(refused.value) == f"study s cannot have {rows} rows: {why}"
+
+
+def test_what_no_study_can_have_is_said_as_of_a_new_one(study: Making) -> None:
+    # Whatever has become of it: another state would not help.
+    for state in ("running", "cancelled"):
+        with pytest.raises(InvalidStudyError, match=f"between 1 and {MAX_ROWS}, not") as refused:
+            studies.extended(study(state=state), MAX_ROWS + 1)
+        assert refused.value.pointer == "/rows"
