@@ -19,6 +19,7 @@ from server.clocks import Forward, steady
 from server.errors import NotFoundError
 from server.http import problems
 from server.http.compression import Gunzip
+from server.http.document import Described
 from server.http.encodings import Utf8
 from server.http.guards import MAX_BODY_BYTES, BodyLimit, Guard
 from server.logic.fleet.history import FleetHistory
@@ -96,7 +97,7 @@ def create_app(settings: Settings) -> FastAPI:
     """
     traces = _traces()
     # The interactive documentation loads scripts from elsewhere; a lab may have no internet.
-    app = FastAPI(
+    app = Described(
         title="rehyb coordinator",
         version="1",
         docs_url=None,

@@ -129,6 +129,12 @@ def unless_away(error: Exception) -> JSONResponse:
 
 
 def _not_taken(errors: Sequence[Mapping[str, str]]) -> JSONResponse:
+    if len(errors) == 1:
+        # As of InvalidStudyError: what is at one place is told in one way, whoever found it.
+        (one,) = errors
+        return problem(
+            HTTPStatus.UNPROCESSABLE_ENTITY, one["detail"], members={"pointer": one["pointer"]}
+        )
     return problem(
         HTTPStatus.UNPROCESSABLE_ENTITY,
         "the request is not what this route takes",

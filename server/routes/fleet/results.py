@@ -157,6 +157,12 @@ router.add_api_route(
     post,
     methods=["POST"],
     response_model=dict[str, Any],
+    responses={
+        409: {
+            "description": "The same, with a refusal among the verdicts.",
+            "content": {"application/json": {"schema": {"type": "object"}}},
+        }
+    },
     route_class_override=Direct,
 )
 

@@ -47,7 +47,7 @@ def listing(
     """List instances of the rows begun so far, by row and position, a page at a time."""
     row, position = (-1, -1) if after is None else map(int, after.split(":"))
     if position > 2**31 - 1:
-        raise InvalidStudyError("/after", "no position is that large")
+        raise InvalidStudyError("/query/after", "no position is that large")
     found = instances.page(
         store, study_id, state=state, outcome=outcome, after=(row, position), limit=limit
     )

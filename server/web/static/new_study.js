@@ -105,7 +105,8 @@ form.addEventListener("submit", async (event) => {
     const made = await ask("POST", "/v1/studies", wanted, { "Idempotency-Key": sent.key });
     location.assign(`/studies/${made.id}`);
   } catch (error) {
-    refused.textContent = [error.message, ...(error.errors ?? []).map((one) => `${one.pointer}: ${one.detail}`)].join("; ");
+    const where = error.pointer ? ` (at ${error.pointer})` : "";
+    refused.textContent = [`${error.message}${where}`, ...(error.errors ?? []).map((one) => `${one.pointer}: ${one.detail}`)].join("; ");
     button.disabled = false;
   }
 });

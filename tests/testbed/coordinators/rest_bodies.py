@@ -37,3 +37,10 @@ def is_problem(response: Any, status: int) -> Json:
     assert problem["status"] == status
     assert {"type", "title", "detail"} <= set(problem)
     return problem
+
+
+def faults_of(response: Any) -> list[tuple[str, str]]:
+    """Return pointer and detail of every fault that a refused request is told."""
+    problem = is_problem(response, 422)
+    assert ("pointer" in problem) != ("errors" in problem)
+    return [(one["pointer"], one["detail"]) for one in problem.get("errors", [problem])]

@@ -1,8 +1,13 @@
 """The OpenAPI document shows an example of every request, and the examples are good ones."""
 
+import json
 from typing import Any
 
 from fastapi.testclient import TestClient
+from jsonschema_rs import Draft202012Validator
+
+from server.http.document import PROBLEM
+from tests.testbed.coordinators.rest_bodies import is_problem
 
 Json = dict[str, Any]
 
@@ -60,3 +65,42 @@ def test_the_example_of_a_study_can_be_submitted_and_its_work_leased(client: Tes
     lease = client.post("/v1/leases", **given["POST", "/v1/leases"])
     assert lease.status_code == 201
     assert len(lease.json()["instances"]) == 4
+
+
+def test_every_operation_says_that_it_refuses_with_a_problem(client: TestClient) -> None:
+    document = client.get("/openapi.json").json()
+    assert "ValidationError" not in json.dumps(document)
+    problem = {"$ref": "#/components/responses/Problem"}
+    for methods in document["paths"].values():
+        for operation in methods.values():
+            assert operation["responses"]["4XX"] == operation["responses"]["5XX"] == problem
+            assert "422" not in operation["responses"]
+    described = document["components"]["responses"]["Problem"]["content"]
+    assert list(described) == ["application/problem+json"]
+    results = document["paths"]["/v1/results"]["post"]["responses"]
+    assert list(results["409"]["content"]) == ["application/json"]
+
+
+def test_refusals_are_as_the_document_says(client: TestClient) -> None:
+    check = Draft202012Validator(PROBLEM).validate
+    study = {"name": "n", "model": "ishigami", "method": "morris"}
+    known = set(PROBLEM["properties"])
+    for status, asked in (
+        (401, {"headers": {"Authorization": ""}}),
+        (415, {"content": b"{}"}),
+        # One fault, whoever finds it, and several.
+        (422, {"json": {**study, "rows": 0}}),
+        (422, {"json": {**study, "rows": "2"}}),
+        (422, {"json": {**study, "rows": "2", "seed": -1}}),
+    ):
+        answer = is_problem(client.post("/v1/studies", **asked), status)
+        check(answer)
+        assert set(answer) <= known
+        assert ("pointer" in answer or "errors" in answer) == (status == 422)
+    for answer in (
+        client.get("/v1/studies/none"),
+        client.put("/v1/studies"),
+        client.post("/v1/sessions", content=b"no zip file"),
+    ):
+        check(is_problem(answer, answer.status_code))
+        assert set(answer.json()) <= known
