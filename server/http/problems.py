@@ -88,7 +88,7 @@ def install(app: FastAPI) -> None:
             said = f"'s Content-Type is {kind}" if kind else " has no Content-Type"
             why = f"the request{said}: send application/json"
             return problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, why)
-        return _not_taken([_fault(item) for item in error.errors()])
+        return _not_taken(_faults(error.errors()))
 
     @app.exception_handler(HTTPException)
     def http(_request: Request, error: HTTPException) -> JSONResponse:
@@ -155,12 +155,35 @@ def _flaw(error: RecursionError | ValueError) -> str:
     return f"a whole number in it has more than {sys.get_int_max_str_digits()} digits"
 
 
-def _fault(item: Mapping[str, Any]) -> dict[str, str]:
-    """Return one validation error as an entry of `errors`."""
-    if item["type"] == "json_invalid":
-        where = "".join(f" at character {place}" for place in item["loc"][1:])
-        return _entry("", f"the body is not JSON: {item['ctx']['error']}{where}")
-    return _entry(_pointer(item["loc"]), item["msg"])
+def _faults(errors: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    """Return validation errors as entries of `errors`, of each place one."""
+    told: dict[str, list[str]] = {}
+    for item in errors:
+        pointer, detail = _fault(item)
+        if detail not in (there := told.setdefault(pointer, [])):
+            there.append(detail)
+    return [_entry(pointer, "; ".join(details)) for pointer, details in told.items()]
+
+
+#: What pydantic calls a value that is no JSON object, in words about Python.
+_NO_OBJECT = ("dict_type", "model_attributes_type", "model_type")
+
+
+def _fault(item: Mapping[str, Any]) -> tuple[str, str]:
+    """Return where one validation error is, and what to say of it."""
+    kind, place, detail = item["type"], tuple(item["loc"]), item["msg"]
+    if kind == "json_invalid":
+        where = "".join(f" at character {part}" for part in place[1:])
+        return "", f"the body is not JSON: {item['ctx']['error']}{where}"
+    if kind == "missing" and place == ("body",):
+        return "", "the body is empty; send a JSON object"
+    if kind in _NO_OBJECT:
+        detail = "must be a JSON object"
+    # Of a key pydantic writes this behind it, which the request does not have; a key that is called
+    # so differs by what is at fault, unless that is half of a character.
+    if place[-1] == "[key]" and (item.get("input") == place[-2] or kind == "string_unicode"):
+        place, detail = place[:-1], f"the key: {detail}"
+    return _pointer(place), detail
 
 
 def _pointer(location: Sequence[str | int]) -> str:

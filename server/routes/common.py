@@ -72,7 +72,7 @@ async def _read(request: Request, kind: type[Body]) -> Body:
     try:
         return _parsed(body.removeprefix(BOM_UTF8), kind)
     except ValidationError as error:
-        raise _refusal(error) from None
+        raise _refusal(error, body) from None
 
 
 #: Whatever is in it.
@@ -87,11 +87,14 @@ def read_object(body: bytes) -> dict[str, Any]:
     try:
         return _OBJECT.validate_json(body.removeprefix(BOM_UTF8))
     except ValidationError as error:
-        raise _refusal(error) from None
+        raise _refusal(error, body) from None
 
 
-def _refusal(error: ValidationError) -> RequestValidationError:
-    found = error.errors(include_url=False, include_input=False)
+def _refusal(error: ValidationError, body: bytes) -> RequestValidationError:
+    """Return an error as FastAPI would raise it of the same body."""
+    if not body:
+        return RequestValidationError([{"type": "missing", "loc": ("body",), "msg": ""}])
+    found = error.errors(include_url=False)
     return RequestValidationError([{**fault, "loc": ("body", *fault["loc"])} for fault in found])
 
 

@@ -18,6 +18,7 @@ from sqlalchemy.engine import Engine
 from analysis.designs import DEFAULT_SAMPLING
 from analysis.json_values import is_finite_number
 from models.curves import names_of
+from server.logic.json_values import is_unicode
 from server.logic.study.plans import FactorChoice, draw_up, refuse_outside_range
 from server.logic.study.points import parameters
 from server.logic.study.precision_goals import precision_goal
@@ -98,11 +99,35 @@ def _number_or_name(value: Any) -> float | str:
     return float(value)
 
 
+def _number_numbers_or_text(value: Any) -> float | str | list[float]:
+    if isinstance(value, str) and is_unicode(value):
+        return value
+    numbers = value if isinstance(value, list) else [value]
+    if not all(map(is_finite_number, numbers)):
+        raise PydanticCustomError("value", "must be a finite number, a list of them, or a text")
+    floats = [float(number) for number in numbers]
+    return floats if isinstance(value, list) else floats[0]
+
+
 #: A union of types would tell of two faults, in places that the request does not have.
 Value = Annotated[
     Any,
     PlainValidator(_number_or_name),
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
+]
+#: As `Value`, of a distribution.
+Entry = Annotated[
+    Any,
+    PlainValidator(_number_numbers_or_text),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string"},
+                {"type": "number"},
+                {"type": "array", "items": {"type": "number"}},
+            ]
+        }
+    ),
 ]
 
 
@@ -111,7 +136,7 @@ class FactorBody(Body):
 
     name: Name
     range: Range | None = None
-    distribution: dict[str, str | float | list[float]] | None = None
+    distribution: dict[str, Entry] | None = None
 
 
 #: Two factors and their correlation, as ["a", "b", 0.6].

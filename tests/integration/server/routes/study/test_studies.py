@@ -119,6 +119,60 @@ def test_a_malformed_study_is_a_problem_that_points_at_the_fault(client: TestCli
         assert [found for found, _ in faults_of(refused)] == [pointer]
 
 
+ENTRY = "must be a finite number, a list of them, or a text"
+LEASE: Json = {"worker": {"id": "w", "host": "h", "versions": {"": 1}}, "models": ["ishigami"]}
+#: What is sent where, and the one fault that is told of it.
+ONE_FAULT: list[tuple[str, Any, str, str]] = [
+    *(
+        ("/v1/studies", {"factors": [{"name": "x1", "distribution": entry}]}, pointer, ENTRY)
+        for entry, pointer in [
+            ({"kind": "discrete", "values": {"a": 1}}, "/factors/0/distribution/values"),
+            ({"kind": "discrete", "values": ["a", 1]}, "/factors/0/distribution/values"),
+            ({"kind": "uniform", "low": True, "high": 2}, "/factors/0/distribution/low"),
+            ({"kind": "uniform", "low": 10**400}, "/factors/0/distribution/low"),
+            ({"kind": None}, "/factors/0/distribution/kind"),
+            ({"kind": "\ud800"}, "/factors/0/distribution/kind"),
+        ]
+    ),
+    (
+        "/v1/studies",
+        {"groups": {"": ["x1"]}},
+        "/groups/",
+        "the key: String should have at least 1 character",
+    ),
+    (
+        "/v1/studies",
+        {"groups": {"\ud800": ["x1"]}},
+        "/groups/\ufffd\ufffd\ufffd",
+        "the key: Input should be a valid string, unable to parse raw data as a unicode string",
+    ),
+    ("/v1/studies", {"groups": {"[key]": 1}}, "/groups/[key]", "Input should be a valid list"),
+    (
+        "/v1/leases",
+        {**LEASE, "max_instances": 1},
+        "/worker/versions/",
+        "the key: String should have at least 1 character; Input should be a valid string",
+    ),
+    ("/v1/studies", {"factors": ["x1"]}, "/factors/0", "must be a JSON object"),
+    ("/v1/studies", {"fixed": []}, "/fixed", "must be a JSON object"),
+    ("/v1/studies", [], "", "must be a JSON object"),
+    ("/v1/leases", [], "", "must be a JSON object"),
+    ("/v1/models", [], "", "must be a JSON object"),
+    ("/v1/studies", None, "", "the body is empty; send a JSON object"),
+    ("/v1/leases", None, "", "the body is empty; send a JSON object"),
+    ("/v1/models", None, "", "the body is empty; send a JSON object"),
+]
+
+
+def test_a_fault_is_told_once_where_it_was_sent_and_in_words_of_json(client: TestClient) -> None:
+    for path, sent, pointer, detail in ONE_FAULT:
+        whole = isinstance(sent, dict) and path == "/v1/studies"
+        body = {**STUDY, **sent} if whole else sent
+        content = b"" if body is None else json.dumps(body)
+        refused = client.post(path, content=content, headers={"Content-Type": "application/json"})
+        assert faults_of(refused) == [(pointer, detail)], (path, sent)
+
+
 def test_several_faults_are_told_each_at_its_place(client: TestClient) -> None:
     refused = client.post("/v1/studies", json={**STUDY, "rows": "2", "surprise": 1})
     assert [found for found, _ in faults_of(refused)] == ["/rows", "/surprise"]
