@@ -7,6 +7,7 @@ from pathlib import Path
 
 from server.errors import ConflictError
 from server.store.database.engine import of_known_kind
+from server.store.database.files import make_private
 
 
 @contextmanager
@@ -26,6 +27,7 @@ def instance_lock(url: str) -> Iterator[None]:
         yield
         return
     path = Path(str(database.database))
+    make_private(path)
     try:
         file = path.open("ab")
     except OSError as error:

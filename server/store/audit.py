@@ -10,6 +10,7 @@ from sqlalchemy.engine import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
 from server.states import ComparisonState, InstanceState, LeaseState, Outcome
+from server.store.database.files import make_private
 from server.store.database.presence import waited_for_lock
 from server.store.database.schema import (
     OF_INSTANCE,
@@ -155,6 +156,7 @@ def copy(engine: Engine, path: Path) -> None:
     partial.unlink(missing_ok=True)
     source = engine.raw_connection()
     try:
+        make_private(partial)
         target = sqlite3.connect(partial)
         with target:
             driver = source.driver_connection

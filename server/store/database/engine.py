@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import wraps
+from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import sqlalchemy as sa
@@ -16,6 +17,7 @@ from sqlalchemy.engine import Connection, Engine
 from sqlalchemy.exc import ArgumentError
 
 from server.errors import BadSettingError
+from server.store.database.files import make_private
 from server.store.database.prepared import failure
 from server.store.database.presence import Presence
 
@@ -78,6 +80,8 @@ def create_engine(
         _check_server(engine)
     _close_what_comes_back_late(engine)
     if engine.dialect.name == "sqlite":
+        file = Path(str(engine.url.database))
+        sa.event.listen(engine, "do_connect", lambda *_: make_private(file))
         sa.event.listen(engine, "connect", _open_sqlite)
         if durability == "full":
             sa.event.listen(
