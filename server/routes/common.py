@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, StringConstraints, TypeAdapter, Vali
 from pydantic_core import to_json
 from sqlalchemy.engine import Engine
 from starlette.datastructures import QueryParams
-from starlette.types import Receive, Scope, Send
+from starlette.types import Message, Receive, Scope, Send
 
 from analysis.json_values import key_twice
 from server.http.encodings import is_json
@@ -139,22 +139,26 @@ _HALF = re.compile(rb"\\u[dD][89a-fA-F]")
 
 
 class Route(APIRoute):
-    """A route of the interface: it refuses a query that it does not know.
+    """A route of the interface: it refuses an unknown query, and a body if it takes none.
 
-    To ignore a name that is written wrongly would be to answer another question.
+    To ignore what is written wrongly, or in the wrong place, would be to answer another question.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         known = get_flat_params(self.dependant)
         self._known = [one.alias for one in known if isinstance(one.field_info, Query)]
+        described = "requestBody" in (self.openapi_extra or {})
+        self._takes_body = self.body_field is not None or described
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request (ASGI)."""
         # Not of pages, which are in no schema: links from elsewhere add names of their own.
-        asks = scope["query_string"] and scope["method"] in (self.methods or ())
-        if asks and self.include_in_schema:
-            self._refuse_unknown(QueryParams(scope["query_string"]))
+        if self.include_in_schema and scope["method"] in (self.methods or ()):
+            if scope["query_string"]:
+                self._refuse_unknown(QueryParams(scope["query_string"]))
+            if not self._takes_body and _may_have_body(scope):
+                receive = await self._without_body(receive)
         await super().handle(scope, receive, send)
 
     def _refuse_unknown(self, query: QueryParams) -> None:
@@ -164,6 +168,31 @@ class Route(APIRoute):
             raise RequestValidationError(
                 [{"type": "unknown", "loc": ("query", name), "msg": why} for name in unknown]
             )
+
+    async def _without_body(self, receive: Receive) -> Receive:
+        """Return what brings the same again; RequestValidationError if that says anything."""
+        body = await Request({"type": "http"}, receive).body()
+        if b"".join(body.split()) not in _NOTHING:
+            instead = f"; say in the query: {', '.join(self._known)}" if self._known else ""
+            why = f"this route takes no body{instead}"
+            raise RequestValidationError([{"type": "unknown", "loc": ("body",), "msg": why}])
+        read: list[Message] = [{"type": "http.request", "body": body}]
+
+        async def again() -> Message:
+            return read.pop() if read else await receive()
+
+        return again
+
+
+#: Bodies that say nothing, as some clients send them with every request.
+_NOTHING = (b"", b"{}", b"null")
+
+
+def _may_have_body(scope: Scope) -> bool:
+    """Say whether to look for a body; a reader, who asks most, has none without saying so."""
+    if scope["method"] != "GET":
+        return True
+    return any(name in (b"content-length", b"transfer-encoding") for name, _ in scope["headers"])
 
 
 class Direct(Route):

@@ -54,7 +54,7 @@ BODIES: dict[str, Any] = {
     "/v1/studies/S/rerun": {"which": "failed", "outcomes": ["crashed"]},
     "/v1/studies/S/precision": {"output": "y", "target": 0.1, "up_to": 64},
     "/v1/studies/S/priority": {"priority": 3},
-    "/v1/studies/S/analyses": {"output": "y", "factors": ["x1"]},
+    "/v1/studies/S/analyses": {},
     "/v1/leases": ASKED,
     "/v1/leases/L/renew": {"fence": 1},
     "/v1/leases/L/release": {"fence": 1},

@@ -1,4 +1,6 @@
-"""What a route does not know of a query is refused, and not ignored."""
+"""What a route does not know of a query, and a body where it has none, is not ignored."""
+
+import gzip
 
 import pytest
 from fastapi import FastAPI
@@ -6,7 +8,7 @@ from fastapi.routing import APIRoute
 from fastapi.testclient import TestClient
 
 from server.routes.common import Route
-from tests.testbed.coordinators.rest_bodies import faults_of
+from tests.testbed.coordinators.rest_bodies import STUDY, faults_of
 
 SAID = "no such query parameter: this route knows "
 
@@ -54,3 +56,38 @@ def test_what_is_known_is_taken_and_a_wrong_method_stays_one(client: TestClient)
 def test_pages_ignore_what_they_do_not_know(client: TestClient) -> None:
     assert client.get("/sign-in?next=%2F&x=1").status_code == 200
     assert client.get("/?x=1").status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "known"),
+    [
+        ("POST", "/v1/studies/s/analyses", "; say in the query: output"),
+        ("POST", "/v1/studies/s/cancel", ""),
+        ("DELETE", "/v1/studies/s", ""),
+        ("GET", "/v1/studies", ""),
+        ("GET", "/v1/work", "; say in the query: group"),
+        ("POST", "/v1/sign-in-codes", ""),
+    ],
+)
+def test_a_body_is_refused_where_there_is_none(
+    client: TestClient, method: str, path: str, known: str
+) -> None:
+    why = f"this route takes no body{known}"
+    for body in (b'{"output": "zz"}', b"[]", b"output=y"):
+        assert faults_of(client.request(method, path, content=body)) == [("", why)]
+    packed = {"Content-Encoding": "gzip"}
+    if method != "GET":
+        refused = client.request(method, path, content=gzip.compress(b"[1]"), headers=packed)
+        assert faults_of(refused) == [("", why)]
+
+
+@pytest.mark.parametrize("body", [b"", b"{}", b" { }\n", b"null"])
+def test_a_body_that_says_nothing_is_none(client: TestClient, body: bytes) -> None:
+    study = client.post("/v1/studies", json=STUDY).json()["id"]
+    headers = {"Content-Type": "application/json"}
+    for action in ("pause", "resume", "cancel"):
+        done = client.post(f"/v1/studies/{study}/{action}", content=body, headers=headers)
+        assert done.status_code == 200
+    assert client.request("GET", "/v1/studies", content=body, headers=headers).status_code == 200
+    deleted = client.request("DELETE", f"/v1/studies/{study}", content=body, headers=headers)
+    assert deleted.status_code == 204
