@@ -1,5 +1,6 @@
 """Every refusal as an RFC 9457 problem: one body shape for 4xx and 5xx alike."""
 
+import json
 import logging
 import sys
 from collections.abc import Mapping, Sequence
@@ -36,6 +37,15 @@ _STATUS: Mapping[type[CoordinatorError], HTTPStatus] = {
 }
 
 
+class _Problem(JSONResponse):
+    media_type = "application/problem+json"
+
+    def render(self, content: Any) -> bytes:
+        # What was sent may hold half of a character, and is named as it was written.
+        text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+        return text.encode(errors="backslashreplace")
+
+
 def problem(
     status: int,
     detail: str,
@@ -47,10 +57,7 @@ def problem(
 
     `members` are further ones of the body, such as `pointer`.
     """
-    body = body_of(status, detail, members or {})
-    return JSONResponse(
-        body, status, headers=dict(headers or {}), media_type="application/problem+json"
-    )
+    return _Problem(body_of(status, detail, members or {}), status, headers=dict(headers or {}))
 
 
 def body_of(status: int, detail: str, members: Mapping[str, Any]) -> dict[str, Any]:

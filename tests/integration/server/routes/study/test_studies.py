@@ -173,6 +173,23 @@ def test_a_fault_is_told_once_where_it_was_sent_and_in_words_of_json(client: Tes
         assert faults_of(refused) == [(pointer, detail)], (path, sent)
 
 
+def test_half_of_a_character_in_a_name_is_refused_as_it_was_written(client: TestClient) -> None:
+    half = "\ud800"
+    uniform = {"kind": "uniform", "low": 0, "high": 1, half: 1}
+    for changes, pointer in [
+        ({"fixed": {half: 1}}, f"/fixed/{half}"),
+        ({"factors": [{"name": "x1", "distribution": uniform}]}, "/factors/0/distribution"),
+        ({f"correlation{half}": 1}, f"/correlation{half}"),
+    ]:
+        refused = client.post(
+            "/v1/studies",
+            content=json.dumps({**STUDY, **changes}),
+            headers={"Content-Type": "application/json"},
+        )
+        assert [found for found, _ in faults_of(refused)] == [pointer]
+        assert b"\\ud800" in refused.content
+
+
 def test_several_faults_are_told_each_at_its_place(client: TestClient) -> None:
     refused = client.post("/v1/studies", json={**STUDY, "rows": "2", "surprise": 1})
     assert [found for found, _ in faults_of(refused)] == ["/rows", "/surprise"]
