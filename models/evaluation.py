@@ -42,6 +42,10 @@ class ModelFailure(Exception):  # noqa: N818 (named by the contract)
         super().__init__(f"{outcome}: {reason}")
 
 
+class ModelAway(Exception):  # noqa: N818 (as ModelFailure)
+    """What evaluates a model does not answer, which says nothing of the parameters."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
     """What became of one point: outputs, or the name of a failure."""

@@ -44,6 +44,8 @@ class Agent:
     prepare: Callable[[Mapping[str, Any]], Mapping[str, Any]] = dict
     #: Goes on checking the models that it may not ask work for yet, and says whether there are any.
     check_models: Callable[[], bool] = lambda: False
+    #: Is told of a model by name and digest whose server does not answer any more, and why.
+    lose_model: Callable[[str, str], None] = lambda version, why: None
     #: Closes loops beside; None: this worker cannot.
     close_loop_jobs: CloseLoopJobs | None = None
     #: How many instances it has finished.
@@ -134,7 +136,13 @@ class Agent:
         self._finish((done.ticket, done.result) for done in self.pool.wait(seconds))
 
     def _finish(self, done: Iterable[tuple[Ticket, Result]]) -> None:
-        finished = list(done)
+        finished = []
+        for ticket, result in done:
+            if result["outcome"] != Outcome.AWAY:
+                finished.append((ticket, result))
+                continue
+            self.lose_model(ticket.instance["model"], result["reason"])
+            self.leases.give_up_model(ticket)
         self.spool.add([(t.lease.id, t.lease.fence, result) for t, result in finished])
         for ticket, result in finished:
             self.leases.finish(ticket, result["wall_seconds"])

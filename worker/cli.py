@@ -213,6 +213,7 @@ def work(
             rng=Random(),
             prepare=places.prepared,
             check_models=canaries.look,
+            lose_model=canaries.lose,
             # Nobody knows how long closing a loop takes: not where the time is limited.
             close_loop_jobs=None
             if leave_at < inf

@@ -290,6 +290,15 @@ class Leases:
             ticket.lease.given_up = True
         self.queue.clear()
 
+    def give_up_model(self, ticket: Ticket) -> None:
+        """Leave to others an instance, and what no child has begun of its model."""
+        model = ticket.instance["model"]
+        queued = [other for other in self.queue if other.instance["model"] == model]
+        for one in (ticket, *queued):
+            one.lease.open.discard(one.instance["id"])
+            one.lease.given_up = True
+        self.queue = deque(other for other in self.queue if other.instance["model"] != model)
+
     def give_up(self) -> None:
         """Leave to others whatever has no result."""
         for lease in self._held:

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from models.curves import Curve, folded
-from models.evaluation import Evaluation, ModelFailure
+from models.evaluation import Evaluation, ModelAway, ModelFailure
 from models.processes import adopt_orphans, die_with_parent
 from models.running.outcomes import Outcome
 
@@ -126,6 +126,8 @@ def _report(evaluate: Evaluate, instance: Mapping[str, Any]) -> Result:
     except ModelFailure as failure:
         seconds = time.monotonic() - started
         return result_of(failure.outcome, seconds, failure.reason, _as_json(failure.state))
+    except ModelAway as away:
+        return result_of(Outcome.AWAY, time.monotonic() - started, str(away))
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         state = {"traceback": traceback.format_exc()}

@@ -14,5 +14,8 @@ class Outcome(StrEnum):
     NOT_FINITE = "not_finite"
     #: What evaluates the model cannot be had, or not be loaded.
     BAD_MODEL = "bad_model"
+    #: What evaluates the model does not answer; no model can call a failure so, and no coordinator
+    #: is told: whoever reaches it takes the instance.
+    AWAY = "(away)"
     #: A close-loop job: the session cannot be analysed.
     BAD_SESSION = "bad_session"

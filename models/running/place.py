@@ -10,8 +10,8 @@ from typing import Any, Self
 
 from models.built_in import evaluate_built_in, load_built_in
 from models.description import Description, Kind
-from models.evaluation import Evaluation, Evaluator, ModelFailure
-from models.folder import read_folder
+from models.evaluation import Evaluation, Evaluator, ModelAway, ModelFailure
+from models.folder import ModelFolder, read_folder
 from models.packages import announced
 from models.running.outcomes import Outcome
 
@@ -62,6 +62,7 @@ def evaluate(instance: Mapping[str, Any]) -> Evaluation:
 
     Raises:
         ModelFailure: the model has no answer.
+        ModelAway: the server that evaluates it does not answer.
     """
     place: Place | None = instance.get("place")
     if place is None:
@@ -87,12 +88,22 @@ def load(instance: Mapping[str, Any]) -> None:
         evaluator(place)
 
 
+def _remote(folder: ModelFolder, url: str) -> Evaluator:
+    from models.umbridge.client import RemoteModel, Server, ServerAwayError
+
+    try:
+        return RemoteModel(folder, Server(url))
+    except ServerAwayError as error:
+        raise ModelAway(str(error)) from None
+
+
 @cache
 def evaluator(place: Place) -> Evaluator:
     """Load what evaluates a model, once a process; heavy libraries are imported here only.
 
     Raises:
         ModelFailure: "bad_model": it cannot be loaded.
+        ModelAway: the server that evaluates it does not answer.
     """
     try:
         if place.kind == Kind.PYTHON:
@@ -113,9 +124,7 @@ def evaluator(place: Place) -> Evaluator:
             command = Command(folder)
             _CLOSING.callback(command.close)
             return command
-        from models.umbridge.client import RemoteModel, Server
-
-        return RemoteModel(folder, Server(place.url))
+        return _remote(folder, place.url)
     except ValueError as error:
         # ModelError and PackageError among them.
         raise ModelFailure(Outcome.BAD_MODEL, str(error)) from None

@@ -7,25 +7,49 @@ from typing import Any, TypeGuard
 import httpx2
 
 from models.description import complete
-from models.evaluation import ModelFailure, columns
+from models.evaluation import ModelAway, ModelFailure, columns
 from models.folder import ModelError, ModelFolder
 
 PROTOCOL = 1.0
 #: Seconds for a question whose answer is no evaluation.
 ASK_SECONDS = 30.0
+#: ... for one that only asks whether it is there again.
+AWAY_SECONDS = 1.0
+
+
+class ServerAwayError(ModelError):
+    """Nothing answers where a server was."""
+
+
+def answers(url: str) -> bool:
+    """Say whether something at a server's URL takes a connection now."""
+    try:
+        httpx2.get(f"{url}/Info", timeout=AWAY_SECONDS, trust_env=False)
+    except httpx2.HTTPError:
+        return False
+    return True
 
 
 class Server:
     """A server that speaks UM-Bridge.
 
     Raises:
-        ModelError: there is none at `url`, or it speaks another version.
+        ServerAwayError: nothing answers at `url`.
+        ModelError: there is none, or it speaks another version.
     """
 
     def __init__(self, url: str) -> None:
         self.url = url.rstrip("/")
         # A server of models stands beside the worker; a proxy would not know it.
         self._http = httpx2.Client(timeout=ASK_SECONDS, trust_env=False)
+        try:
+            self.models = self._names()
+        except ModelError:
+            self.close()
+            raise
+
+    def _names(self) -> Sequence[str]:
+        """Return the names of the server's models."""
         info = self._asked("GET", "Info")
         if "protocolVersion" not in info:
             raise self._wrong("is no UM-Bridge server: it tells no protocolVersion")
@@ -34,7 +58,7 @@ class Server:
         models = info.get("models") or []
         if not isinstance(models, list) or not all(isinstance(name, str) for name in models):
             raise self._wrong("does not tell the names of its models")
-        self.models: Sequence[str] = models
+        return models
 
     def evaluates(self, name: str) -> bool:
         """Say whether the model `name` can be evaluated."""
@@ -60,12 +84,15 @@ class Server:
         """Return the vectors that the model `name` gives.
 
         Raises:
-            ModelFailure: "timed_out"; "crashed": the server is gone, or says that it failed.
+            ModelAway: the server takes no connection.
+            ModelFailure: "timed_out"; "crashed": it broke off, or says that it failed.
         """
         asked = {"name": name, "input": vectors, "config": config}
         try:
             answer = self._http.post(f"{self.url}/Evaluate", json=asked, timeout=seconds)
             said = answer.json()
+        except httpx2.ConnectError as error:
+            raise ModelAway(f"{self.url}: {error}") from None
         except httpx2.TimeoutException:
             raise ModelFailure("timed_out", f"{self.url} gave no answer in time") from None
         except httpx2.HTTPError as error:
@@ -87,6 +114,8 @@ class Server:
     def _asked(self, method: str, path: str, body: Any = None) -> dict[str, Any]:
         try:
             said = self._http.request(method, f"{self.url}/{path}", json=body).json()
+        except httpx2.ConnectError as error:
+            raise ServerAwayError(f"no UM-Bridge server answers: {error}", file=self.url) from None
         except (httpx2.HTTPError, httpx2.InvalidURL, ValueError) as error:
             raise self._wrong(f"is no UM-Bridge server: {error}") from None
         if not isinstance(said, dict):
@@ -130,6 +159,7 @@ class RemoteModel:
         Raises:
             ValueError: a parameter is unknown or not finite.
             ModelFailure: "timed_out", "crashed", "bad_answer" or "not_finite".
+            ModelAway: the server takes no connection.
         """
         values = iter(complete(self._description, parameters).values())
         asked = [list(islice(values, size)) for size in self._inputs]

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from math import log
 from pathlib import Path
 from typing import Any
@@ -49,13 +50,31 @@ def environment(
 @pytest.fixture(scope="module")
 def server(environment: dict[str, str]) -> Iterator[str]:
     """The Ishigami function as an UM-Bridge server."""
-    arguments = ["umbridge", "serve", "--model", "ishigami", "--port", "0", "--processes", "1"]
+    with serving(environment) as url:
+        yield url
+
+
+@contextmanager
+def serving(environment: dict[str, str], port: str = "0") -> Iterator[str]:
+    """Serve the Ishigami function by UM-Bridge; yields the server's URL."""
+    arguments = ["umbridge", "serve", "--model", "ishigami", "--port", port, "--processes", "1"]
     with started(environment, "rehyb", *arguments) as process:
         assert process.stdout is not None
         found = re.match(r"(http://\S+) serves ishigami", process.stdout.readline())
         assert found is not None
         yield found[1]
         process.terminate()
+
+
+def edited_for_a_server(name: str, scratch: Path) -> Path:
+    """Return the folder of a model of a server, the Ishigami function by another name."""
+    remote = {
+        "ishigami_python": name,
+        'kind = "command"': 'kind = "umbridge"',
+        "[command]": "[umbridge]",
+        'run = ["python3", "ishigami.py"]\nkeep = true': 'name = "ishigami"',
+    }
+    return edited("ishigami_python", scratch, remote)
 
 
 @pytest.fixture(scope="module")
@@ -67,22 +86,10 @@ def worker(
     for example in ("ishigami_awk", "ishigami_python", "noisy_pendulum"):
         shutil.copytree(EXAMPLES / example, folder / example)
     (folder / "remote").mkdir()
-    remote = {
-        "ishigami_python": "remote",
-        'kind = "command"': 'kind = "umbridge"',
-        "[command]": "[umbridge]",
-        'run = ["python3", "ishigami.py"]\nkeep = true': 'name = "ishigami"',
-    }
-    edited("ishigami_python", folder / "remote", remote)
-    shutil.move(folder / "remote" / "ishigami_python", folder / "elsewhere")
+    shutil.move(edited_for_a_server("remote", folder / "remote"), folder / "elsewhere")
     options = ["--models", str(folder), "--allow", "decay", "--umbridge", server]
     with started(environment, "rehyb-worker", "--processes", "1", *options) as process:
-        with Client(environment["REHYB_URL"], environment["REHYB_TOKEN"]) as client:
-            deadline = time.monotonic() + 120.0
-            # A study of a model that nobody has announced yet is refused.
-            while "decay" not in {model["name"] for model in client.models()}:
-                assert process.poll() is None and time.monotonic() < deadline
-                time.sleep(0.1)
+        announced(environment, "decay", process)
         yield options
         process.terminate()
 
@@ -91,6 +98,15 @@ def started(environment: dict[str, str], command: str, *arguments: str) -> "subp
     program = [str(Path(sys.executable).with_name(command)), *arguments]
     said: Any = subprocess.PIPE if command == "rehyb" else subprocess.DEVNULL
     return subprocess.Popen(program, env=environment, stdout=said, stderr=said, text=True)
+
+
+def announced(environment: dict[str, str], model: str, worker: "subprocess.Popen[str]") -> None:
+    """Wait until a worker has announced a model: a study of it is refused before."""
+    with Client(environment["REHYB_URL"], environment["REHYB_TOKEN"]) as client:
+        deadline = time.monotonic() + 120.0
+        while model not in {model["name"] for model in client.models()}:
+            assert worker.poll() is None and time.monotonic() < deadline
+            time.sleep(0.1)
 
 
 def ran(environment: dict[str, str], *arguments: str) -> str:
@@ -163,6 +179,31 @@ def test_a_program_in_two_languages_a_server_and_our_own_give_the_same_indices(
         for model in models
     }
     assert found == dict.fromkeys(models, pytest.approx(found["ishigami"], rel=1e-9))
+
+
+def test_a_server_that_is_away_costs_no_instance_and_its_study_goes_on_when_it_is_back(
+    environment: dict[str, str], client: Client, tmp_path: Path
+) -> None:
+    """A newcomer's study was over within a second, all of its instances crashed."""
+    folder = str(edited_for_a_server("far", tmp_path))
+    with serving(environment) as url:
+        options = ["--models", folder, "--umbridge", url, "--processes", "2"]
+        process = started(environment, "rehyb-worker", *options)
+        announced(environment, "far", process)
+    try:
+        asked = {"name": "far", "model": "far", "method": "saltelli", "rows": 16, "seed": 1}
+        study = client.submit(asked)["id"]
+        deadline = time.monotonic() + 60.0
+        while "Connection refused" not in str(client.progress(study)["why_it_waits"]):
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.1)
+        assert client.progress(study)["failures"] == {}
+        with serving(environment, port=url.rpartition(":")[2]):
+            awaited(client, study, 16)
+        assert client.progress(study)["failures"] == {}
+    finally:
+        process.kill()
+        process.wait()
 
 
 @pytest.mark.usefixtures("worker")

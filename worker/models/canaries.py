@@ -55,6 +55,8 @@ class Canaries:
     found: dict[str, str] = field(default_factory=dict)
     #: Models that this worker does not take, and why.
     refused: dict[str, str] = field(default_factory=dict)
+    #: Those of them whose server does not answer, and may do so again.
+    away: set[str] = field(default_factory=set)
     _waiting: deque[tuple[Description, Place]] = field(default_factory=deque)
     _asked: set[str] = field(default_factory=set)
     _results: list[Mapping[str, Any]] = field(default_factory=list)
@@ -77,6 +79,20 @@ class Canaries:
         """Take nothing of a model, and say why."""
         log.error("does not take %s: %s", version, why)
         self.refused[version] = why
+
+    def lose(self, version: str, why: str) -> None:
+        """Take nothing of a model as long as its server does not answer."""
+        if version not in self.refused:
+            self.refuse(version, why)
+            self.away.add(version)
+
+    def find_again(self, version: str) -> None:
+        """Take a model again whose server answers, once it is known what it computes now."""
+        log.info("the server of %s answers again", version)
+        self.away.discard(version)
+        self.refused.pop(version, None)
+        self.found.pop(version, None)
+        self._asked.discard(version)
 
     def look(self) -> bool:
         """Go on with what was asked for; return whether a canary is still to be found."""
@@ -110,12 +126,15 @@ class Canaries:
 
     def _says_enough(self) -> bool:
         """Say whether no further point need be tried: the next would hang, or not load, either."""
-        enough = (Outcome.BAD_MODEL, Outcome.TIMED_OUT)
+        enough = (Outcome.BAD_MODEL, Outcome.TIMED_OUT, Outcome.AWAY)
         return any(result["outcome"] in enough for result in self._results)
 
     def _judge(self, version: str, results: list[Mapping[str, Any]]) -> None:
         if bad := next((r for r in results if r["outcome"] == Outcome.BAD_MODEL), None):
             self.refuse(version, f"it cannot be loaded here: {bad['reason']}")
+            return
+        if away := next((r for r in results if r["outcome"] == Outcome.AWAY), None):
+            self.lose(version, away["reason"])
             return
         first, again = results[0], results[-1]
         whole = len(results) == len(SEEDS)

@@ -89,6 +89,7 @@ class WorkerModels:
             }
             self._open = {_version(model) for model in wanted}
             self._tell_of_code(wanted)
+            self._find_again()
         offered = dict.fromkeys((*MODELS, *self.own), "")
         for version, description in (self._named | self._wanted).items():
             if version in self.canaries.refused:
@@ -112,6 +113,16 @@ class WorkerModels:
         versions = sorted(self.canaries.refused, key=lambda version: version in self._open)
         told = versions[-MOST_REFUSED:]
         return {version: _line(self.canaries.refused[version]) for version in told}
+
+    def _find_again(self) -> None:
+        """Take models again whose servers were away and are not any more."""
+        if not self.canaries.away:
+            return
+        from models.umbridge.client import answers
+
+        for version in [*self.canaries.away]:
+            if answers(self.places.place(version).url):
+                self.canaries.find_again(version)
 
     def _tell_of_code(self, wanted: Sequence[Json]) -> None:
         """Say once of each model of open studies whose code is not here that it is not."""

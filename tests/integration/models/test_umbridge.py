@@ -9,9 +9,9 @@ from typing import Any
 import httpx2
 import pytest
 
-from models.evaluation import Evaluation, ModelFailure
+from models.evaluation import Evaluation, ModelAway, ModelFailure
 from models.folder import ModelError, read_folder
-from models.umbridge.client import RemoteModel, Server
+from models.umbridge.client import RemoteModel, Server, ServerAwayError, answers
 from models.umbridge.server import serve
 from sim.evaluation import evaluate
 from sim.models import ISHIGAMI
@@ -51,6 +51,24 @@ def test_a_model_elsewhere_is_evaluated_as_if_it_were_here(url: str, tmp_path: P
     remote.close()
 
 
+def test_a_server_that_is_gone_says_nothing_of_a_point(
+    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    remote = RemoteModel(read_folder(edited("ishigami_python", tmp_path, TO_UMBRIDGE)), Server(url))
+    assert answers(url) and not answers("http://127.0.0.1:1")
+
+    def refused(*_: Any, **__: Any) -> None:
+        raise httpx2.ConnectError("Connection refused")
+
+    monkeypatch.setattr(httpx2.Client, "request", refused)
+    monkeypatch.setattr(httpx2.Client, "post", refused)
+    with pytest.raises(ModelAway, match=f"{url}: Connection refused"):
+        remote({"x1": 0.3})
+    with pytest.raises(ServerAwayError, match="no UM-Bridge server answers"):
+        Server(url)
+    remote.close()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -76,7 +94,7 @@ def test_a_folder_that_does_not_fit_the_server_says_where(
 
 
 def test_what_is_no_server_says_so() -> None:
-    with pytest.raises(ModelError, match="is no UM-Bridge server"):
+    with pytest.raises(ModelError, match="no UM-Bridge server answers"):
         Server("http://127.0.0.1:1")
 
 

@@ -84,6 +84,25 @@ def test_one_that_cannot_be_loaded_is_refused_and_one_that_fails_is_not() -> Non
     assert canary_of(lambda _: {**bad, "outcome": "diverged"})[0]
 
 
+def test_one_whose_server_is_away_is_taken_again_when_it_answers() -> None:
+    reached = False
+
+    def answer(_: Mapping[str, Any]) -> dict[str, Any]:
+        return ok(1.0) if reached else {"outcome": "(away)", "outputs": {}, "reason": "refused"}
+
+    found, canaries = canary_of(answer)
+    assert (found, canaries.refused, canaries.away) == (
+        None,
+        {MODEL.version: "refused"},
+        {MODEL.version},
+    )
+    reached = True
+    canaries.find_again(MODEL.version)
+    for _ in range(10):
+        found = canaries.of(MODEL, PLACE)
+    assert found and not canaries.refused and not canaries.away
+
+
 def test_one_that_hangs_is_not_tried_again_and_again_before_work_begins() -> None:
     asked: list[Any] = []
     hung = {"outcome": "timed_out", "outputs": {}, "reason": "still running"}

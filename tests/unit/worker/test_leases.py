@@ -108,7 +108,12 @@ def test_a_lease_that_ended_with_its_last_result_is_dropped_without_alarm(
     assert (len(leases), caplog.text) == (0, "")
 
 
-@pytest.mark.parametrize("give_up", [Leases.give_up_queue, Leases.give_up])
+def of_its_model(leases: Leases) -> None:
+    """Give up what a child had, of which the server does not answer, and all of its model."""
+    leases.give_up_model(leases.queue.popleft())
+
+
+@pytest.mark.parametrize("give_up", [Leases.give_up_queue, Leases.give_up, of_its_model])
 def test_what_is_given_up_is_released(
     leases: Leases, coordinator: Coordinator, give_up: Callable[[Leases], None]
 ) -> None:
