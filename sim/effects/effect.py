@@ -130,6 +130,10 @@ class Effect(ABC):
         """
         return []
 
+    def forms(self, theta: Theta, coefficients: Mapping[int, float]) -> list[Theta]:
+        """Return what else an effect may be that does the same, but for its joint's impedance."""
+        return []
+
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         """Return what the motor has to add for one unit of each coefficient."""
         return {}

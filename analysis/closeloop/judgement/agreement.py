@@ -19,11 +19,12 @@ from analysis.closeloop.identification.balance.model import (
     evaluate,
     impedances,
 )
-from analysis.closeloop.identification.balance.regression import Score
+from analysis.closeloop.identification.balance.regression import ROUNDING, Score
 from analysis.closeloop.identification.balance.searched import searched
 from analysis.closeloop.identification.candidates import best_of
 from analysis.closeloop.identification.findings import Option, Step, Trace, exchanged
 from analysis.closeloop.identification.nameable import beyond_physics
+from sim.effects.effect import Limits, Theta
 from sim.effects.motion import RecordedJoint
 
 #: Stiffnesses under two names that differ by less than this share are one.
@@ -49,13 +50,15 @@ def other_forms(found: Trace) -> Iterator[tuple[str, Model, Score]]:
     Each with the effect's name and what makes the form, as a power that is chosen.
     """
     model, coefficients = found.fit_of_steps
-    for term in model.terms:
+    for term, own in model.split(coefficients):
         if term.candidate is None:
             continue
         effect, rest = term.candidate.effect, model.without(term.candidate)
         joint = RecordedJoint(model.recording, term.joint, estimate_of(model, coefficients))
         choices = {name for name, parameter in effect.parameters.items() if parameter.choice}
-        for begin, free in effect.searches(term.theta):
+        sizes = dict(zip(term.kept, own.tolist(), strict=True))
+        others: list[tuple[Theta, Limits]] = [(one, {}) for one in effect.forms(term.theta, sizes)]
+        for begin, free in [*effect.searches(term.theta), *others]:
             chosen = {
                 name: value
                 for name, value in begin.items()
@@ -63,12 +66,16 @@ def other_forms(found: Trace) -> Iterator[tuple[str, Model, Score]]:
             }
             if not chosen:
                 continue
-            near = searched(rest, found.rows, term.candidate, joint, begin, free)
+            near = begin
+            if free:
+                near = searched(rest, found.rows, term.candidate, joint, begin, free)
             other = best_of(rest, found.rows, term.candidate, [near], joint)
             if other is None or beyond_physics(*other, term.candidate):
                 continue
             score = evaluate(other[0], found.rows)
-            if predicts_as_well(score, found.score):
+            # Of two that fit the same but for rounding one may lose more than its error by it.
+            same = abs(score.sse - found.score.sse) <= ROUNDING * found.score.sse
+            if same or predicts_as_well(score, found.score):
                 said = ", ".join(f"{name} {value:g}" for name, value in chosen.items())
                 yield f"{effect.name} ({said})", other[0], score
 

@@ -6,7 +6,7 @@ another link, after Khalil and Dombre 2002 (Modeling, identification and control
 Siciliano et al. 2009 (Robotics: modelling, planning and control, section 7.1).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -77,7 +77,7 @@ class CrossJointCoupling(Law):
         other_dof=Parameter("1", "number of the other joint"),
         between=Parameter(
             "1",
-            "1 if less the joint's own, as of a belt",
+            "1: less the joint's own (belt); -1: plus it",
             choice=True,
         ),
     )
@@ -91,8 +91,9 @@ class CrossJointCoupling(Law):
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         other = motion.other(int(parameters["other_dof"]))
         position, velocity = other.position, other.velocity
-        if parameters.get("between", 0.0):
-            position, velocity = position - motion.position, velocity - motion.velocity
+        if between := parameters.get("between", 0.0):
+            position = position - between * motion.position
+            velocity = velocity - between * motion.velocity
 
         def over(name: str, signal: Signal) -> Signal:
             # Those of the other forms are nothing.
@@ -130,9 +131,18 @@ class CrossJointCoupling(Law):
                     grid.append({**plain, "between": 1.0})
                 if driven:
                     grid.append({**plain, "by": ACCELERATION})
-            if driven and _recorded(recording, other, beside=number):
+            # A torque sensor may feel another's, whatever its joint moves.
+            if _recorded(recording, other, beside=number):
                 grid.append({**plain, "by": EFFORT})
         return grid
+
+    def forms(self, theta: Theta, coefficients: Mapping[int, float]) -> list[Theta]:
+        # What a belt, or a muscle of two joints, does by the joint's own motion is a limb's
+        # stiffness as well; no spring has a negative one.
+        stiffness = coefficients.get(0, 0.0)
+        if theta["by"] != MOTION or theta["between"] or not stiffness:
+            return []
+        return [{**theta, "between": 1.0 if stiffness < 0.0 else -1.0}]
 
 
 class CoupledMotor(Law):

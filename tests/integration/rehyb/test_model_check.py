@@ -126,7 +126,9 @@ def test_a_server_that_is_not_there_is_told_before_anything_is_evaluated(
     nowhere = "http://127.0.0.1:1"
     status, out, err = run("model", "check", str(folder), "--umbridge", nowhere)
     assert (status, out) == (2, "")
-    assert err.startswith(f"rehyb: {nowhere}: is no UM-Bridge server: ") and err.count("\n") == 1
+    assert (
+        err.startswith(f"rehyb: {nowhere}: no UM-Bridge server answers: ") and err.count("\n") == 1
+    )
     said = "rehyb: a model of kind umbridge needs its server: --umbridge URL\n"
     assert run("model", "check", str(folder)) == (2, "", said)
 

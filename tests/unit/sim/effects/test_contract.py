@@ -295,3 +295,17 @@ def test_a_native_element_is_the_catalogues_torque(name: str, recording: Recordi
             out[row] = data.qfrc_inverse
         torques.append(out)
     assert torques[1] - torques[0] == pytest.approx(needed[::20], abs=2e-3)
+
+
+@pytest.mark.parametrize("stiffness", [-1.5, 0.8])
+def test_what_a_spring_over_two_joints_does_by_its_own_is_a_spring_of_the_joint_as_well(
+    stiffness: float, recording: Recording
+) -> None:
+    """As of a belt, which both stretch by their difference, or of a muscle, by their sum."""
+    coupling, joint = BY_NAME["cross_joint_coupling"], unfitted(recording, ELBOW)
+    theta = {"other_dof": 0.0, "between": 0.0, "by": 0.0}
+    (form,) = coupling.forms(theta, {0: stiffness})
+    assert form["between"] == -np.sign(stiffness)
+    plain, other = (coupling.columns(joint, one)[ELBOW][:, 0] for one in (theta, form))
+    own = stiffness * (plain - other)
+    np.testing.assert_allclose(own, -abs(stiffness) * joint.position, atol=1e-12)
