@@ -74,7 +74,7 @@ class CrossJointCoupling(Law):
         inertia=Parameter("kg m2", "over the other's acceleration"),
         effort_share=Parameter("1", "over the other's effort"),
         torque_at_zero=Parameter("Nm", "what the motor adds where the other's is 0"),
-        other_dof=Parameter("1", "number of the other joint"),
+        other_dof=Parameter("1", "number of the other joint", choice=True),
         between=Parameter(
             "1",
             "1: less the joint's own (belt); -1: plus it",
@@ -163,8 +163,8 @@ class CoupledMotor(Law):
         torque=Parameter("Nm", "its Coulomb friction", floor=0.0),
         damping=Parameter("Nm s/rad", "its viscous friction", floor=0.0),
         inertia=Parameter("kg m2", "of its rotor", floor=0.0),
-        other_dof=Parameter("1", "number of the other joint"),
-        sense=Parameter("1", "1: sum of both speeds, -1: difference"),
+        other_dof=Parameter("1", "number of the other joint", choice=True),
+        sense=Parameter("1", "1: sum of both speeds, -1: difference", choice=True),
     )
     coefficients = ("torque", "damping", "inertia")
     lower = (0.0,)

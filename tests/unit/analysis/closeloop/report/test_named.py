@@ -287,7 +287,14 @@ def test_a_power_that_is_supposed_is_said_to_be(value: float, half: float, warne
     # A side is a choice: there is no other value that is usual.
     side = {"value": 1.0, "ci90": [1.0, 1.0], "unit": "1"}
     reflex = {"name": "stretch_reflex", "joint": "elbow", "parameters": {"side": side}}
-    said = supposed([entry, links, reflex])
+    # So is the number of a joint.
+    other = {"value": 0.0, "ci90": [0.0, 0.0], "unit": "1"}
+    coupling = {
+        "name": "cross_joint_coupling",
+        "joint": "elbow",
+        "parameters": {"other_dof": other},
+    }
+    said = supposed([entry, links, reflex, coupling])
     assert len(said) == warned
     assert all("of elbow: stribeck_exponent is 2, as usual" in line for line in said)
 
