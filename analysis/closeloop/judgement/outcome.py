@@ -22,6 +22,7 @@ from analysis.closeloop.identification.balance.model import evaluate
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.balance.trial_error import TrialError
+from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import (
     AT_FLOOR,
     Carried,
@@ -179,8 +180,12 @@ def _unsettled(outcome: Outcome, *, rubs: bool) -> tuple[int, ...]:
         return ()
     recording = trace.rows.recording
     rows = select_rows(recording, tuple(range(len(recording.session.trials))))
-    rows = rows.reweighted(trace.explainable_before.noise)
     model = declared_model(recording, rows)
+    noise = trace.explainable_before.noise
+    if any(len(own) and joint not in noise for joint, own in rows.samples.items()):
+        # A joint that only held-out trials move has none from those that were fitted.
+        noise = {**explainable(model, rows).noise, **noise}
+    rows = rows.reweighted(noise)
     expected = settled(model, evaluate(model, rows).coefficients)
     together = replace(outcome, left=left_in_band(recording, expected, rubs=rubs))
     return () if _far(together) else tuple(far)

@@ -180,6 +180,15 @@ def test_friction_that_one_speed_does_not_determine_is_said_to_be_so() -> None:
     assert "a: the fit trials" in line and "(coulomb_friction, viscous_friction)" in line
 
 
+def test_a_joint_that_only_held_out_trials_move_is_weighed_by_what_those_leave() -> None:
+    """A pushed arm of six joints had no report."""
+    outcome = judged(rubbing(0.0))
+    known = outcome.trace.explainable_before
+    of_first = replace(known, noise={0: known.noise[0]})
+    trace_of_one = replace(outcome.trace, explainable_before=of_first)
+    assert _unsettled(replace(outcome, trace=trace_of_one), rubs=True) == (0,)
+
+
 def test_what_no_declared_friction_explains_in_the_quick_trial_stays_unexplained() -> None:
     outcome = judged(rubbing(0.05))
     assert outcome.unsettled == ()
