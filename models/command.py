@@ -49,6 +49,8 @@ class Command:
         self._words, self._keep = folder.run["run"], folder.run.get("keep", False)
         self._folder, self._description = folder.path, folder.description
         self._running: _Program | None = None
+        #: Whether it says to which parameters an answer belongs.
+        self._repeats = False
 
     def __call__(self, parameters: Mapping[str, float], seed: int = 0) -> dict[str, float]:
         """Return the outputs at `parameters` (SI units; one left out is nominal).
@@ -56,7 +58,8 @@ class Command:
         Raises:
             ValueError: a parameter is unknown or not finite.
             ModelFailure: the program's own outcome; "timed_out"; "crashed": it ended, or could
-                not be started; "bad_answer": it answered with something else than one line.
+                not be started; "bad_answer": it answered with something else than one line, or at
+                other parameters.
         """
         values = complete(self._description, parameters)
         question = json.dumps({"parameters": values, "seed": seed}) + "\n"
@@ -66,6 +69,7 @@ class Command:
         self._running = None
         try:
             answer = program.ask(question.encode(), deadline)
+            self._check_place(answer, values)
         except BaseException:
             program.end()
             raise
@@ -74,6 +78,21 @@ class Command:
         else:
             program.end()
         return columns(self._description, _outputs(answer))
+
+    def _check_place(self, answer: Any, asked: Mapping[str, float]) -> None:
+        """Check that an answer is the one at `asked`, of a program that tells.
+
+        A line too many of one that is kept is else the answer to the next line.
+        """
+        told = answer.get("parameters") if isinstance(answer, dict) else None
+        self._repeats = self._repeats or told is not None
+        if self._repeats and told != asked:
+            said = "no parameters" if told is None else f"parameters {json.dumps(told)[:80]}"
+            raise ModelFailure(
+                "bad_answer",
+                f"the program answered with {said}, not with those that it was asked: it must "
+                "print one line for each line that it reads",
+            )
 
     def close(self) -> None:
         """End a program that was kept."""

@@ -177,6 +177,25 @@ def ran_in_a_child(folder: Path, times: int = 1) -> str:
     return subprocess.run(words, capture_output=True, text=True, check=True).stdout
 
 
+def test_a_line_too_many_is_no_answer_to_the_next_line_of_a_program_that_repeats_what_it_was_asked(
+    tmp_path: Path, closing: list[Command]
+) -> None:
+    """It came while the next line was under way: two points of a newcomer were -999."""
+    answer = """    print(json.dumps({"outputs": {"y": y}}), flush=True)"""
+    stray = """    if x["x1"] == 1.0:
+        print('{"outputs": {"y": -999}}', flush=True)
+        time.sleep(0.3)
+    print(json.dumps({"parameters": x, "outputs": {"y": y}}), flush=True)"""
+    changes = {answer: stray, "import sys\n": "import sys\nimport time\n"}
+    program = Command(read_folder(edited("ishigami_python", tmp_path, changes)))
+    closing.append(program)
+    rest = {"x2": 0.5, "x3": 0.5}
+    first = program({"x1": 0.3, **rest})
+    with pytest.raises(ModelFailure, match=r"bad_answer: .* answered with no parameters, not with"):
+        program({"x1": 1.0, **rest})
+    assert program({"x1": 0.3, **rest}) == first
+
+
 def test_its_memory_is_counted_with_that_of_all_it_started(tmp_path: Path) -> None:
     does = (
         "[os.fork() or (bytearray(150 * 2**20), time.sleep(30), os._exit(0)) for _ in range(4)];"

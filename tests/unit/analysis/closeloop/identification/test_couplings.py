@@ -95,10 +95,11 @@ def test_an_effort_that_is_not_recorded_explains_no_other() -> None:
     }
 
 
-def test_a_limb_is_coupled_by_motion_alone() -> None:
+def test_a_limb_is_coupled_by_motion_and_its_sensor_by_what_the_others_feel() -> None:
+    """A limb has no drive that its neighbour's motion could turn; the robot has the sensor."""
     still = moving()
     limb = replace(still, session=replace(still.session, limb_joints=("a",)), cache={})
-    assert {t["by"] for t in COUPLING.thetas(unfitted(limb, 0))} == {0.0}
+    assert {t["by"] for t in COUPLING.thetas(unfitted(limb, 0))} == {0.0, EFFORT}
     assert {t["by"] for t in COUPLING.thetas(unfitted(limb, 1))} == {0.0, ACCELERATION, EFFORT}
 
 

@@ -241,7 +241,7 @@ def test_a_spring_that_yields_is_not_asked_for_beside_one_that_hardens(elbow: Re
     """With both of them a stranger's two ends of range had K = -9 (-99 to 81)."""
     sizes = {
         "nonlinear_stiffness": {"centre": 1.0},
-        "softening_stiffness": {"centre": 1.0, "width": 0.2},
+        "softening_stiffness": {"centre": 1.0, "width": 0.2, "power": 0.0},
     }
     both = sum(torque(elbow, name, theta, 10.0) for name, theta in sizes.items())
     rows = rows_with(elbow, both)
