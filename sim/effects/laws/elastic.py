@@ -4,7 +4,7 @@ Passive joint torque is flat in the middle of the range and steep towards its en
 Edrich 1999); MuJoCo has polynomial `stiffness` and soft joint ranges for both.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -284,17 +284,7 @@ class EndRange(Law):
         ]
 
     def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
-        # Between steps of the onset another power may leave less.
-        onset = {"onset": (theta["onset"] - ONSET, theta["onset"] + ONSET)}
-        found: list[tuple[Theta, Limits]] = []
-        for power in sorted(POWERS, key=lambda power: power != theta["power"]):
-            begin = {**theta, "power": power}
-            width = begin.pop("width", WIDTH)
-            if power == EXPONENTIAL:
-                found.append(({**begin, "width": width}, onset | {"width": WIDTHS}))
-            else:
-                found.append((begin, onset))
-        return found
+        return _of_each_power(theta, ("onset",), ("width",))
 
     def unit(self, parameter: str, theta: Theta) -> str:
         if parameter != "stiffness":
@@ -362,19 +352,8 @@ class BothEnds(Law):
         ]
 
     def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
-        onsets = {
-            f"onset_{end}": (theta[f"onset_{end}"] - ONSET, theta[f"onset_{end}"] + ONSET)
-            for _, end in ENDS
-        }
-        widths = {f"width_{end}": WIDTHS for _, end in ENDS}
-        found: list[tuple[Theta, Limits]] = []
-        for power in sorted(POWERS, key=lambda power: power != theta["power"]):
-            begin = {**theta, "power": power}
-            if power == EXPONENTIAL:
-                found.append((dict.fromkeys(widths, WIDTH) | begin, onsets | widths))
-            else:
-                found.append(({name: begin[name] for name in begin if name not in widths}, onsets))
-        return found
+        onsets, widths = ([f"{what}_{end}" for _, end in ENDS] for what in ("onset", "width"))
+        return _of_each_power(theta, onsets, widths)
 
     def limits(self, joint: RecordedJoint) -> Limits:
         middle, half = joint.travel
@@ -385,6 +364,23 @@ class BothEnds(Law):
         if not parameter.startswith("stiffness"):
             return super().unit(parameter, theta)
         return STEEPNESS[theta["power"]]
+
+
+def _of_each_power(
+    theta: Theta, onsets: Sequence[str], widths: Sequence[str]
+) -> list[tuple[Theta, Limits]]:
+    """Return the searches that begin with each power: between steps of an onset another may do."""
+    bare = {name: value for name, value in theta.items() if name not in widths}
+    free = {name: (theta[name] - ONSET, theta[name] + ONSET) for name in onsets}
+    wide = {name: theta.get(name, WIDTH) for name in widths}
+    found: list[tuple[Theta, Limits]] = []
+    for power in sorted(POWERS, key=lambda power: power != theta["power"]):
+        begin = {**bare, "power": power}
+        if power == EXPONENTIAL:
+            found.append((begin | wide, free | dict.fromkeys(widths, WIDTHS)))
+        else:
+            found.append((begin, free))
+    return found
 
 
 def _rise(beyond: Signal, power: float, width: float) -> Signal:
