@@ -13,8 +13,12 @@ from models.folder import ModelError, ModelFolder
 PROTOCOL = 1.0
 #: Seconds for a question whose answer is no evaluation.
 ASK_SECONDS = 30.0
+#: ... for a connection, of an evaluation that may take hours.
+CONNECT_SECONDS = 5.0
 #: ... for one that only asks whether it is there again.
 AWAY_SECONDS = 1.0
+#: What says that nothing is there: a port that refuses, or a machine that is off.
+_NO_CONNECTION = (httpx2.ConnectError, httpx2.ConnectTimeout)
 
 
 class ServerAwayError(ModelError):
@@ -88,10 +92,13 @@ class Server:
             ModelFailure: "timed_out"; "crashed": it broke off, or says that it failed.
         """
         asked = {"name": name, "input": vectors, "config": config}
+        # Whoever waits for it as long as for an answer cannot tell a machine that is off.
+        connect = CONNECT_SECONDS if seconds is None else min(CONNECT_SECONDS, 0.5 * seconds)
+        patience = httpx2.Timeout(seconds, connect=connect)
         try:
-            answer = self._http.post(f"{self.url}/Evaluate", json=asked, timeout=seconds)
+            answer = self._http.post(f"{self.url}/Evaluate", json=asked, timeout=patience)
             said = answer.json()
-        except httpx2.ConnectError as error:
+        except _NO_CONNECTION as error:
             raise ModelAway(f"{self.url}: {error}") from None
         except httpx2.TimeoutException:
             raise ModelFailure("timed_out", f"{self.url} gave no answer in time") from None
@@ -114,7 +121,7 @@ class Server:
     def _asked(self, method: str, path: str, body: Any = None) -> dict[str, Any]:
         try:
             said = self._http.request(method, f"{self.url}/{path}", json=body).json()
-        except httpx2.ConnectError as error:
+        except _NO_CONNECTION as error:
             raise ServerAwayError(f"no UM-Bridge server answers: {error}", file=self.url) from None
         except (httpx2.HTTPError, httpx2.InvalidURL, ValueError) as error:
             raise self._wrong(f"is no UM-Bridge server: {error}") from None

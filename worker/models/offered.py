@@ -120,8 +120,11 @@ class WorkerModels:
             return
         from models.umbridge.client import answers
 
-        for version in [*self.canaries.away]:
-            if answers(self.places.place(version).url):
+        at = {version: self.places.place(version).url for version in self.canaries.away}
+        # Of many models each server is asked once: one that is off lets who asks wait.
+        there = {url for url in set(at.values()) if answers(url)}
+        for version, url in at.items():
+            if url in there:
                 self.canaries.find_again(version)
 
     def _tell_of_code(self, wanted: Sequence[Json]) -> None:

@@ -51,18 +51,19 @@ def test_a_model_elsewhere_is_evaluated_as_if_it_were_here(url: str, tmp_path: P
     remote.close()
 
 
+@pytest.mark.parametrize("kind", [httpx2.ConnectError, httpx2.ConnectTimeout])
 def test_a_server_that_is_gone_says_nothing_of_a_point(
-    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kind: type[httpx2.TransportError], url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     remote = RemoteModel(read_folder(edited("ishigami_python", tmp_path, TO_UMBRIDGE)), Server(url))
     assert answers(url) and not answers("http://127.0.0.1:1")
 
     def refused(*_: Any, **__: Any) -> None:
-        raise httpx2.ConnectError("Connection refused")
+        raise kind("nobody there")
 
     monkeypatch.setattr(httpx2.Client, "request", refused)
     monkeypatch.setattr(httpx2.Client, "post", refused)
-    with pytest.raises(ModelAway, match=f"{url}: Connection refused"):
+    with pytest.raises(ModelAway, match=f"{url}: nobody there"):
         remote({"x1": 0.3})
     with pytest.raises(ServerAwayError, match="no UM-Bridge server answers"):
         Server(url)

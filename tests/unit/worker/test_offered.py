@@ -129,6 +129,28 @@ def test_the_reason_of_a_refusal_is_told_as_one_short_line() -> None:
     assert all(why.isprintable() for why in told.values())
 
 
+def test_models_are_taken_again_whose_server_answers_which_is_asked_once_for_all_of_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    offered = offering(3)
+    asked: list[str] = []
+
+    def answers(url: str) -> bool:
+        asked.append(url)
+        return url == "http://back"
+
+    monkeypatch.setattr("models.umbridge.client.answers", answers)
+    places, canaries = offered.places.places, offered.canaries
+    for one, url in zip(NAMED[:3], ("http://back", "http://back", "http://off"), strict=True):
+        places[one.version] = replace(places[one.version], url=url)
+        canaries.lose(one.version, "refused")
+    offered.offered(0.0)
+    assert sorted(asked) == ["http://back", "http://off"]
+    assert canaries.away == {NAMED[2].version}
+    named = {one.version for one in NAMED[:3]}
+    assert named & set(canaries.refused) == canaries.away
+
+
 def test_of_many_refusals_those_are_told_for_which_studies_wait(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
