@@ -95,8 +95,9 @@ class MeasuredLowpass:
     """Takes away what lies above `cutoff`, missing samples left out.
 
     Every sample counts by its share of measured ones, and the filter's output is divided by what it
-    gives for those shares (normalised convolution, Knutsson and Westin 1993). The operation is
-    linear, so what is missing is missing on both sides of a regression alike.
+    gives for those shares (normalised convolution, Knutsson and Westin 1993); where it sees too few
+    of them, a straight line goes from one side to the other. All of it is linear, so what is
+    missing is missing on both sides of a regression alike.
 
     Args:
         measured: share of measured samples at each, 0 to 1, (n,).
@@ -109,7 +110,9 @@ class MeasuredLowpass:
         self._whole = bool(measured.all() and np.ptp(measured) == 0.0)
         self._weight = measured
         if not self._whole:
-            self._share = np.maximum(lowpass(measured, cutoff, rate), LEAST_MEASURED)
+            share = lowpass(measured, cutoff, rate)
+            self._share = np.maximum(share, LEAST_MEASURED)
+            self._line = _Line(share < LEAST_MEASURED)
 
     def __call__(self, signal: np.ndarray) -> np.ndarray:
         """Return what is left of `signal`, (n, ...); what stands at a missing sample is nothing."""
@@ -117,7 +120,31 @@ class MeasuredLowpass:
             return lowpass(signal, self._cutoff, self._rate)
         shape = (-1, *([1] * (signal.ndim - 1)))
         weighted = signal * self._weight.reshape(shape)
-        return np.asarray(lowpass(weighted, self._cutoff, self._rate) / self._share.reshape(shape))
+        return self._line(lowpass(weighted, self._cutoff, self._rate) / self._share.reshape(shape))
+
+
+class _Line:
+    """Puts straight lines where nothing is known of a signal.
+
+    Args:
+        unknown: where that is, (n,).
+    """
+
+    def __init__(self, unknown: np.ndarray) -> None:
+        known = np.flatnonzero(~unknown)
+        self._rows = np.flatnonzero(unknown) if len(known) else known
+        after = np.searchsorted(known, self._rows)
+        self._from = known[np.maximum(after - 1, 0)]
+        self._to = known[np.minimum(after, len(known) - 1)]
+        length = np.maximum(self._to - self._from, 1)
+        self._part = np.clip((self._rows - self._from) / length, 0.0, 1.0)
+
+    def __call__(self, signal: np.ndarray) -> np.ndarray:
+        """Return a signal, (n, ...), with those lines; its ends go on as they are known last."""
+        if len(self._rows):
+            part = self._part.reshape(-1, *([1] * (signal.ndim - 1)))
+            signal[self._rows] = (1.0 - part) * signal[self._from] + part * signal[self._to]
+        return signal
 
 
 def lowpass(

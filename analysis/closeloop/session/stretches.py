@@ -14,7 +14,7 @@ from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import SESSION_FILE
 from analysis.closeloop.session.missing import near_a_sample, with_missing_counted, without_stale
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.runs import MOVING
+from analysis.closeloop.session.runs import MOVING, runs
 from analysis.closeloop.session.signals import (
     MeasuredLowpass,
     Sampling,
@@ -22,8 +22,11 @@ from analysis.closeloop.session.signals import (
     lowpass,
 )
 
-#: Steps longer than this many medians are gaps, which end a stretch.
+#: Steps longer than this many medians are gaps, ...
 GAP_STEPS = 5.5
+#: ... which end a stretch if they are longer than this, s: over shorter ones friction and tissue
+#: remember what the joint did before.
+BRIDGED = 0.3
 #: Cutoff before samples are thinned to the working rate, over that.
 ALIASES = 0.4
 #: Share of measured samples around one below which nothing is known of it.
@@ -63,6 +66,9 @@ def record(session: Session, device: Device) -> Recording:
         )
     fitted = [piece for piece in pieces if piece.trial in fit_trials]
     sampling = choose_sampling(fitted, rate, session, device, joints)
+    # What remembers its past goes on over a gap, and no fit sees the samples beside one.
+    pieces, _ = stretches(session.trials, device, names, BRIDGED)
+    pieces = [replace(piece, measured=away_from_gaps(piece, sampling)) for piece in pieces]
     parts = [derivatives(piece.position, sampling) for piece in pieces]
     lengths = [len(part[0]) for part in parts]
     starts = np.concatenate([[0], np.cumsum(lengths)])
@@ -87,6 +93,19 @@ def record(session: Session, device: Device) -> Recording:
         fit_trials=fit_trials,
         still=still,
     )
+
+
+def away_from_gaps(piece: Stretch, sampling: Sampling) -> np.ndarray:
+    """Return which samples of a stretch are measured, and no gap's bridge reaches them, (n,).
+
+    The filters carry it as far as they do the end of a stretch (`Recording.edge`).
+    """
+    known = np.array(piece.measured)
+    reach = int(sampling.recorded / sampling.fit_cutoff)
+    for run in runs(~piece.measured):
+        if run.stop - run.start >= GAP_STEPS - 1:
+            known[max(run.start - reach, 0) : run.stop + reach] = False
+    return known
 
 
 def effort_for_fit(piece: Stretch, sampling: Sampling) -> tuple[np.ndarray, ...]:
@@ -115,11 +134,15 @@ def effort_for_fit(piece: Stretch, sampling: Sampling) -> tuple[np.ndarray, ...]
 
 
 def stretches(
-    trials: Sequence[Trial], device: Device, extra: Sequence[str]
+    trials: Sequence[Trial], device: Device, extra: Sequence[str], bridged: float = 0.0
 ) -> tuple[list[Stretch], float]:
     """Bring every trial to the session's one even clock and split it at gaps.
 
-    `extra`: names of the columns that are no joint's own.
+    Args:
+        trials: of the session.
+        device: the declared chain.
+        extra: names of the columns that are no joint's own.
+        bridged: a gap that is no longer, s, ends no stretch.
 
     Returns:
         The stretches in order, and their common rate in Hz.
@@ -127,7 +150,8 @@ def stretches(
     step = float(np.median([_step(trial) for trial in trials]))
     pieces = []
     for number, trial in enumerate(trials):
-        gaps = np.flatnonzero(np.diff(trial.time) > GAP_STEPS * max(step, _step(trial)))
+        longest = max(bridged, GAP_STEPS * max(step, _step(trial)))
+        gaps = np.flatnonzero(np.diff(trial.time) > longest)
         bounds = [0, *(gaps + 1), len(trial.time)]
         for start, stop in itertools.pairwise(bounds):
             seconds = trial.time[stop - 1] - trial.time[start]

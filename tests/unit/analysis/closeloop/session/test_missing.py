@@ -119,6 +119,45 @@ def test_rows_inside_a_gap_are_left_out_and_the_rest_is_used() -> None:
     assert plenty.usable.mean() > 0.98
 
 
+def test_a_short_gap_ends_no_stretch_and_no_fit_sees_what_its_filters_reach() -> None:
+    """Friction and tissue remember what a joint did before; a longer gap they do not outlast."""
+    whole = trial()
+    kept = np.ones(len(whole.time), dtype=bool)
+    kept[600:650] = False
+    recording = recorded(at(whole, kept))
+    assert len(recording.slices) == 1
+    assert not recording.usable[600 - recording.edge + 5 : 650 + recording.edge - 5].any()
+    assert recording.usable[: 600 - 2 * recording.edge].all()
+    assert recording.usable[650 + 2 * recording.edge :].all()
+    kept[600:680] = False
+    assert len(recorded(at(whole, kept)).slices) == 2
+
+
+def test_what_came_before_an_early_gap_is_known() -> None:
+    """It was too short to be analysed, and a limb's tissue began to relax after it (a bench's)."""
+    whole = trial()
+    kept = np.ones(len(whole.time), dtype=bool)
+    kept[60:100] = False
+    recording = recorded(at(whole, kept))
+    assert recording.time[0] == whole.time[0]
+    assert recording.position[:60, 1] == pytest.approx(
+        whole.columns["elbow.position"][:60], abs=1e-3
+    )
+
+
+def test_over_a_gap_the_low_pass_of_anything_goes_on_in_a_straight_line() -> None:
+    rng = np.random.default_rng(3)
+    measured = np.ones(800)
+    measured[300:400] = 0.0
+    measured[770:] = 0.0
+    low = MeasuredLowpass(measured, 8.0, RATE)
+    one, other = rng.standard_normal((2, 800, 2)) + 50.0
+    smooth = low(one)
+    assert np.abs(np.diff(smooth[310:390], 2, axis=0)).max() < 1e-9
+    assert np.ptp(smooth[780:]) < np.ptp(smooth[:300]) and smooth.min() > 45.0
+    assert low(one + 2.0 * other) == pytest.approx(smooth + 2.0 * low(other), abs=1e-9)
+
+
 def test_an_unbroken_trial_is_filtered_as_ever_and_nothing_is_said() -> None:
     recording = recorded(trial())
     assert recording.measured.all() and recording.usable.all()
