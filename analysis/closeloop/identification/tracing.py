@@ -27,7 +27,7 @@ from analysis.closeloop.identification.findings import Grown, Option, Step, Trac
 from analysis.closeloop.identification.friction.at_turns import with_peak_at_turns
 from analysis.closeloop.identification.friction.breakaway import with_breakaway
 from analysis.closeloop.identification.friction.excess import with_settled_excess
-from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
+from analysis.closeloop.identification.growing.friction_laws import with_plain_law, with_wound_laws
 from analysis.closeloop.identification.growing.slid import grown_slid
 from analysis.closeloop.identification.growing.starts import regrown
 from analysis.closeloop.identification.growing.steps import grow
@@ -128,7 +128,7 @@ def _stands(
 
 def _held(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     """Take out what does not stand, and say why."""
-    grown = with_wound_laws(grown, rows)
+    grown = with_plain_law(with_wound_laws(grown, rows), rows)
     grown, refusals = held_in_octaves(grown, rows)
     grown, driving = passive(grown, rows)
     grown, unsure = determined(in_plainest_form(grown, rows), rows)

@@ -44,10 +44,10 @@ def alternatives(found: Trace) -> Iterator[tuple[Step, Option]]:
             yield step, replace(option, model=other, score=evaluate(other, found.rows))
 
 
-def other_forms(found: Trace) -> Iterator[tuple[str, Model, Score]]:
+def other_forms(found: Trace) -> Iterator[tuple[tuple[str, int], Model, Score]]:
     """Yield other forms of what was found that predict these trials as well, fitted in its place.
 
-    Each with the effect's name and what makes the form, as a power that is chosen.
+    Each with the effect's name and what makes the form, as a power that is chosen, and its joint.
     """
     model, coefficients = found.fit_of_steps
     for term, own in model.split(coefficients):
@@ -77,7 +77,7 @@ def other_forms(found: Trace) -> Iterator[tuple[str, Model, Score]]:
             same = abs(score.sse - found.score.sse) <= ROUNDING * found.score.sse
             if same or predicts_as_well(score, found.score):
                 said = ", ".join(f"{name} {value:g}" for name, value in chosen.items())
-                yield f"{effect.name} ({said})", other[0], score
+                yield (f"{effect.name} ({said})", term.joint), other[0], score
 
 
 def agreed(found: Trace) -> Trace:

@@ -22,6 +22,8 @@ LEAST_ROWS = 50
 COLOUR = 10.0
 #: Share of the rows that tell what is usual where a fit is about as sure.
 LIKE = 0.25
+#: Trials in which a limb's tone may differ, and the share of the spread that is left if it does.
+LEAST_TRIALS, DIFFERS = 3, 0.7
 #: Rounds of the robust fit, and its bisquare's width.
 ROUNDS, WIDTH = 5, 4.7
 
@@ -68,14 +70,16 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> Beyond:
     groups = signal_groups(rows, joint) | phase_groups(recording, joint)
     splines = np.concatenate(list(groups.values()), axis=1)
     base, _ = with_free_presliding(model, [joint]).base(rows)
+    turned, target = model.base(rows)[0][part], model.target(rows)[part]
+    folds = [np.flatnonzero(rows.block[part] % SCATTERED == k) for k in range(SCATTERED)]
+    tone = _tone(turned, target, folds, rows, joint)
     stacked = rows.stack(model.transformed({joint: splines}), splines.shape[1])
     table = np.concatenate([np.ones((len(base), 1)), base, stacked], axis=1)[part]
+    table = np.column_stack([table, tone])
     scale = np.sqrt((table**2).mean(axis=0))
     kept = scale > 1e-9
     table = table[:, kept] / scale[kept]
-    target = model.target(rows)[part]
     both = np.column_stack([table, target])
-    folds = [np.flatnonzero(rows.block[part] % SCATTERED == k) for k in range(SCATTERED)]
     weight, left, doubt = np.ones(len(target)), target, np.zeros(len(target))
     for _ in range(ROUNDS):
         grams = gram_matrices(both * np.sqrt(weight)[:, None], folds)
@@ -86,15 +90,49 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> Beyond:
         sure = left / np.sqrt(1.0 + COLOUR * doubt)
         size = np.abs(sure) / (WIDTH * max(spread(sure), 1e-12))
         weight = np.where(size < 1, (1 - size**2) ** 2, 0.0)
-    alone = _smaller(
-        _left(target, base[part], weight), _left(target, model.base(rows)[0][part], weight)
-    )
+    alone = _smaller(_left(target, base[part], weight), _left(target, turned, weight))
+    if tone.size:
+        alone = _smaller(alone, _left(target, np.column_stack([turned, tone]), weight))
     if spread(left) > np.sqrt(2.0) * spread(alone):
         # A joint that drifts while it is held has too few seconds for splines: their own error is
         # larger than all that the model leaves, so they have nothing to say. (Twice the power: set
         # while looking at limbs 639 and 5059 of the unkind bench.)
         return Beyond(alone=alone, left=alone, doubt=np.zeros(len(alone)))
     return Beyond(alone=alone, left=left, doubt=doubt)
+
+
+def _tone(
+    known: np.ndarray, target: np.ndarray, folds: list[np.ndarray], rows: Rows, joint: int
+) -> np.ndarray:
+    """Return what stiffness, damping and rest of its own in every trial are fitted with, (r, k).
+
+    No columns unless a limb's muscles are that different: what they do in one trial and not in the
+    others is not local. (In two strangers' sessions, some of it was told as pushes.)
+
+    Args:
+        known: columns of the model, (r, c).
+        target: what they are fitted to, Nm or N, (r,).
+        folds: rows of which each is predicted from the others.
+        rows: the samples of all joints in motion.
+        joint: whose limb.
+    """
+    none = np.empty((len(target), 0))
+    trials = rows.trial[rows.parts[joint]]
+    if joint not in rows.recording.limbs or len(np.unique(trials)) < LEAST_TRIALS:
+        return none
+    samples, recording = rows.samples[joint], rows.recording
+    motion = [x[samples, joint] for x in (recording.position, recording.velocity)]
+    each = np.column_stack([np.ones(len(samples)), *motion])
+    tone = np.column_stack([each * (trials == number)[:, None] for number in np.unique(trials)])
+    left = []
+    for table in (np.column_stack([np.ones(len(known)), known]), np.column_stack([known, tone])):
+        found = np.empty_like(target)
+        for own in folds:
+            others = np.setdiff1d(np.arange(len(target)), own)
+            fit = np.linalg.lstsq(table[others], target[others], rcond=1e-9)[0]
+            found[own] = target[own] - table[own] @ fit
+        left.append(spread(found))
+    return tone if left[1] < DIFFERS * left[0] else none
 
 
 def _smaller(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Impedance of the declared joints before and after the repair, in the contract's words."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -214,12 +215,18 @@ def _of_names(found: Trace) -> dict[str, Refits]:
 
     Beside a repair, the other names; where nothing is repaired, the name that is given first too.
     """
-    fits = {
-        other.candidate.effect.name: (other.model, other.score.coefficients)
+    at = {
+        other.candidate.key: (other.model, other.score.coefficients)
         for _, other in alternatives(found)
     }
     if impedances(*found.fits[0]):
-        fits |= {name: (own, score.coefficients) for name, own, score in other_forms(found)}
+        at |= {key: (own, score.coefficients) for key, own, score in other_forms(found)}
+    # A muscle over two joints is a coupling at each.
+    twice = Counter(name for name, _ in at)
+    fits = {
+        f"{name} of {found.rows.recording.name(joint)}" if twice[name] > 1 else name: fit
+        for (name, joint), fit in at.items()
+    }
     if found.supposed is not None:
         names = " and ".join(step.taken.candidate.effect.name for step in found.steps)
         fits = {names: found.supposed, **fits}

@@ -39,7 +39,7 @@ def with_plain_friction(model: Model, rows: Rows) -> Model:
     """Return the model with the plainest friction at every joint that shows no richer one."""
     for candidate in [c for c in model.effects if PLAIN[-1].name in c.effect.includes]:
         for simpler in _plainer(model, candidate, rows):
-            if not _richer(simpler, model, candidate.joint, rows):
+            if not predicts_better(simpler, model, candidate.joint, rows):
                 model = simpler
                 break
         else:
@@ -96,7 +96,7 @@ def _alike(model: Model, candidate: Candidate, theta: Theta, rows: Rows) -> Mode
     return with_law(model, candidate, own, rows, joint) or model
 
 
-def _richer(simpler: Model, model: Model, joint: int, rows: Rows) -> bool:
+def predicts_better(simpler: Model, model: Model, joint: int, rows: Rows) -> bool:
     """Whether a joint's richer friction predicts better by more than luck, its turns aside.
 
     And no worse as it turns, since freedom to wind up fits noise.

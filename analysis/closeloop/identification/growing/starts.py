@@ -44,6 +44,10 @@ def regrown(
         again, _ = grow(begun, rows, before, progress)
         if _needs(again, begun, rows) and better(again, grown):
             grown = again
+    for begun in coupled_starts(grown, rows, before):
+        again, _ = grow(begun, rows, before, progress)
+        if better(again, grown):
+            grown = again
     for begun in islice(next_starts(grown, declared, rows, before), FOREMOST):
         progress("other effects to begin with")
         again, _ = grow(begun, rows, before, progress)
@@ -96,6 +100,25 @@ def damped_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> l
         for option in options_beside(declared, rows, before, tried)
         if not option.refused and option.z > MIN_Z
     ]
+
+
+def coupled_starts(grown: Grown, rows: Rows, before: Score) -> Iterator[Grown]:
+    """Yield a coupling alone where those at two joints explain much, each by itself.
+
+    A muscle over both is a coupling at each, and either alone explains less than a wrong zero of
+    the upper joint, which moves the weight at both. (A stranger's.)
+    """
+    coupling = BY_NAME["cross_joint_coupling"]
+    for first in grown.steps[:1]:
+        coupled = [
+            option
+            for option in first.options
+            if option.candidate.effect is coupling
+            and not option.refused
+            and option.gain > LARGE_GAIN * before.loss
+        ]
+        if first.taken.candidate.effect is not coupling and len(coupled) > 1:
+            yield _begun(replace(first, taken=coupled[0]), rows, before)
 
 
 def next_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> Iterator[Grown]:

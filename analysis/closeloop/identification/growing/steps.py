@@ -167,7 +167,7 @@ def _next_step(
     refitted, score = refined(step.taken, rows, taken=True)
     refitted = declared_again(refitted, rows)
     if len(refitted.effects) > 1:
-        refitted, _ = _settled(refitted, rows, step.taken.candidate)
+        refitted, _ = settled_beside(refitted, rows, step.taken.candidate)
     score = evaluate(refitted, rows)
     if current.loss - score.loss <= least * current.loss:
         # Slopes promised it, but no values of the parameters keep what they promised.
@@ -233,13 +233,13 @@ def _as_settled(
     """Return options with the parameters of all effects chosen beside each other, best first."""
     found = []
     for option in _as_held(options, model, current, rows):
-        own, score = _settled(option.model, rows, option.candidate)
+        own, score = settled_beside(option.model, rows, option.candidate)
         gain, error = compare(current.losses, score.losses)
         found.append(replace(option, model=own, score=score, gain=gain, z=gain / error))
     return sorted(found, key=lambda option: -option.gain)
 
 
-def _settled(model: Model, rows: Rows, last: Candidate) -> tuple[Model, Score]:
+def settled_beside(model: Model, rows: Rows, last: Candidate) -> tuple[Model, Score]:
     """Choose the non-linear parameters of all effects again, beside each other.
 
     Args:

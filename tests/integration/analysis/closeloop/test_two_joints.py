@@ -29,8 +29,8 @@ def written(folder: Path, belt: float = 0.0) -> None:
     (folder / "session.json").write_text(json.dumps(session))
 
 
-def stiffness(report: dict[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = report["impedance"]["elbow"]["stiffness"]
+def stiffness(report: dict[str, Any], joint: str = "elbow") -> dict[str, Any]:
+    found: dict[str, Any] = report["impedance"][joint]["stiffness"]
     return found
 
 
@@ -63,3 +63,28 @@ def test_how_much_of_a_stiffness_is_a_belts_nobody_knows(tmp_path: Path) -> None
     assert low < STIFFNESS < STIFFNESS + BELT < high
     assert not report["identified"]["elbow"]["stiffness"]
     assert any("between" in name for name in found["after_if"])
+
+
+def test_a_muscle_over_both_joints_is_a_coupling_at_each(tmp_path: Path) -> None:
+    """It was a wrong zero of the shoulder by 1 rad, and K there below none (a stranger's)."""
+    muscle, own = 2.2, np.array([5.1, 3.9])
+
+    def limbs(_time: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        stretched = muscle * (q.sum() - 1.0)
+        return np.asarray(-own * (q - [0.2, NEUTRAL]) - DAMPING * v - stretched)
+
+    write_recordings(tmp_path, ARM, 1, beyond=limbs)
+    session = json.loads((tmp_path / "session.json").read_text())
+    session["declared_effects"] = [
+        {"effect": "viscoelastic_joint", "joint": joint} for joint in ARM.joints
+    ]
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    report = analyse(tmp_path).report
+    found = {(e["name"], e["joint"]): e["parameters"]["stiffness"] for e in report["effects"]}
+    assert set(found) == {("cross_joint_coupling", joint) for joint in ARM.joints}
+    for joint, known in zip(ARM.joints, own, strict=True):
+        assert found["cross_joint_coupling", joint]["value"] == pytest.approx(muscle, rel=0.03)
+        entry = stiffness(report, joint)
+        assert entry["after"] == pytest.approx(known + muscle, rel=0.03)
+        assert entry["ci90_after"][0] < known and not report["identified"][joint]["stiffness"]
+        assert f"cross_joint_coupling (between -1) of {joint}" in entry["after_if"]

@@ -144,7 +144,7 @@ def test_no_effect_is_added_that_only_its_slopes_make_room_for(
         )
         return replace(model, terms=backwards), None
 
-    monkeypatch.setattr(steps, "_settled", astray)
+    monkeypatch.setattr(steps, "settled_beside", astray)
     assert names(rows, "payload", "nonlinear_stiffness") == ["payload"]
 
 

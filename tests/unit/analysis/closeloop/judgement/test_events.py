@@ -13,6 +13,7 @@ from analysis.closeloop.judgement.events import find_events, spared, upper_octav
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
+from sim.effects.laws.elastic import Viscoelastic
 from tests.testbed.sessions.coupled import in_trials, measured
 from tests.testbed.sessions.moved import moved
 
@@ -67,6 +68,38 @@ def test_how_a_link_lands_from_its_play_is_no_event(swinging: Recording) -> None
     )
     beside = Model(recording, terms=(play,))
     assert [round(e.begin) for e in find_events(beside, recording)] == [40]
+
+
+def test_muscles_that_are_stiffer_in_one_trial_than_in_another_push_nobody(
+    recording: Recording,
+) -> None:
+    """Their stiffer trial had three pushes (two strangers'); one beside that still is found."""
+    phase = 2 * np.pi * 0.4 * TIME + 0.6 * np.sin(0.31 * TIME)
+    place = 1.0 + 0.4 * np.sin(phase) + pushed(7.0, 1.5, 0.9)
+    one = moved(recording, np.column_stack([np.zeros_like(place), place]), RATE)
+    trial, length = (TIME // 12.0).astype(int), int(12.0 * RATE)
+    names = [f"t{number}.csv" for number in range(5)]
+    session = replace(
+        one.session,
+        trials=tuple(Trial(file=n, label=n, group=n, role="fit") for n in names),
+        limb_joints=("elbow",),
+    )
+    swinging = replace(
+        one,
+        session=session,
+        trial=trial,
+        slices=[slice(length * number, length * (number + 1)) for number in range(5)],
+        fit_trials=tuple(range(5)),
+        cache={},
+    )
+    limb = Viscoelastic()
+    tone = np.array([6.0, 4.0, 4.1, 3.9, 4.2])[trial] * (place - 1.0)
+    for push, found in ((0.0, []), (2.0, [40])):
+        declared = with_effort(swinging, tone + pushed(40.0, 0.5, push))
+        columns = limb.columns(unfitted(declared, 1), {})
+        term = Term(joint=1, columns=columns, lower=(-np.inf,), kept=(0, 1, 2), effect=limb)
+        events = find_events(Model(declared, terms=(term,)), declared)
+        assert [round(event.begin) for event in events] == found
 
 
 def test_noise_alone_holds_no_event(swinging: Recording) -> None:
