@@ -158,9 +158,11 @@ def _within_recorded(limits: tuple[float, float], model: Model, joint: int) -> t
 def _is_difference(model: Model, part: Term | Channel) -> bool:
     """Whether friction is declared there: then a found one is a difference of either sign."""
     joint, device = part.at.joint, model.recording.device
+    damping = device.model.dof_damping[joint]
+    if part.at.effect.name == "viscous_friction":
+        return bool(damping)
     declared = [t for t in model.terms if t.candidate is None and t.joint == joint and t.rubs]
-    native = device.friction[joint] or device.model.dof_damping[joint]
-    return part.at.effect.rubs and bool(declared or native)
+    return part.at.effect.rubs and bool(declared or device.friction[joint] or damping)
 
 
 def _moved(

@@ -73,9 +73,14 @@ def with_missing_counted(trial: Trial) -> Trial:
 
 
 def missing_share(time: np.ndarray) -> float:
-    """Return the share of samples that an even clock of the usual step would have more, of (n,)."""
+    """Return the share of samples that an even clock of the usual step would have more, of (n,).
+
+    Of a clock that jitters a step is too long where its neighbour is too short.
+    """
     steps = np.diff(time)
-    missing = np.maximum(np.round(steps / np.median(steps)) - 1.0, 0.0).sum()
+    usual = np.median(steps)
+    longer = np.maximum(np.round(steps / usual) - 1.0, 0.0).sum()
+    missing = min(longer, max(np.round((time[-1] - time[0]) / usual) + 1.0 - len(time), 0.0))
     return float(missing / (missing + len(time)))
 
 

@@ -8,6 +8,7 @@ import pytest
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.uncertainty import leave_out
+from analysis.closeloop.report.named import if_they_can_be
 from analysis.closeloop.report.parameters import parameters_of, part_of, under_both
 from sim.effects.catalogue import BY_NAME
 from sim.effects.rigid import point_mass
@@ -30,6 +31,23 @@ def test_a_load_has_its_own_mass_beside_a_gain_of_the_joint_it_hangs_at() -> Non
     assert told["mass"]["value"] == pytest.approx(0.3, rel=0.01)
     low, high = told["mass"]["ci90"]
     assert low <= 0.3 <= high
+
+
+def test_damping_that_is_declared_too_high_is_a_difference_below_none() -> None:
+    """Of a stranger's four joints the right ones were refused as beyond what damping can be."""
+    arm = moving()
+    arm.device.model.dof_damping[1] = 0.4
+    effort = arm.rigid
+    effort[:, 1] -= 0.15 * arm.velocity[:, 1]
+    recording = measured(arm, effort)
+    (found,) = (
+        step.taken for key, step in traced(recording).items() if key == ("viscous_friction", 1)
+    )
+    rows = select_rows(recording, (0,))
+    coefficients = evaluate(found.model, rows).coefficients
+    fits = leave_out(found.model, rows, coefficients)
+    told = parameters_of(found.model, coefficients, fits, part_of(found.model, found.candidate))
+    assert if_they_can_be(told)["damping"]["value"] == pytest.approx(-0.15, rel=0.03)
 
 
 def test_an_interval_of_a_share_ends_at_the_whole() -> None:

@@ -203,5 +203,8 @@ def test_missing_samples_are_counted_and_a_jittering_clock_misses_none() -> None
     assert missing_share(whole.time[kept]) == pytest.approx(1.0 - kept.mean(), abs=0.002)
     jitter = np.random.default_rng(2).uniform(-0.2, 0.2, len(whole.time)) / RATE
     assert missing_share(whole.time + jitter) == 0.0
+    # Of a stranger's, every sixteenth sample was told as missing.
+    stamps = whole.time + 0.2 * np.random.default_rng(3).standard_normal(len(whole.time)) / RATE
+    assert missing_share(np.sort(stamps)) < 0.006
     assert near_a_sample(whole.time, whole.time + jitter, 1.0 / RATE).all()
     assert with_missing_counted(whole) is whole
