@@ -16,6 +16,7 @@ from analysis.closeloop.identification.arms.gains import untold_gain
 from analysis.closeloop.identification.arms.holdouts import not_worse
 from analysis.closeloop.identification.arms.motors import untold_motors
 from analysis.closeloop.identification.arms.robot import traced_robot, weighed
+from analysis.closeloop.identification.arms.tilted import with_tilt
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
 from analysis.closeloop.identification.balance.model import Model, evaluate
@@ -157,7 +158,8 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
     grown, held = with_breakaway(grown, rows)
     grown, refusals = held_in_octaves(grown, rows, damped=True)
     grown, unsure = determined(in_plainest_form(grown, rows), rows)
-    grown, notes = not_worse(with_told_places(grown, rows), declared, rows)
+    grown = with_tilt(with_told_places(grown, rows), rows)
+    grown, notes = not_worse(grown, declared, rows)
     progress("what splines can explain")
     beyond = explainable_by_joint(declared, rows)
     return _with_rests(

@@ -19,6 +19,7 @@ from analysis.closeloop.report.impedance import (
 from analysis.closeloop.report.named import (
     declared_entries,
     effect_entries,
+    late_efforts,
     of_gravity,
     refused_values,
     supposed,
@@ -97,6 +98,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             *undetermined(effects),
             *supposed(effects),
             *of_gravity(recording, effects),
+            *late_efforts(effects),
             *of_unnamed_loads(unnamed, lone=len(recording.joints) == 1),
         ],
         "session": session_entry(recording),

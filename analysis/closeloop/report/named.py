@@ -25,7 +25,7 @@ from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING
 from sim.effects.laws.coupling import CoupledMotor
 from sim.effects.laws.drive import PositionOffset
-from sim.effects.laws.inertia import PLACE, GravityTorque
+from sim.effects.laws.inertia import PLACE, GravityTorque, TurnedGravity
 
 #: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
 MOST_NONSENSE = 0.25
@@ -35,10 +35,12 @@ SHARP = 0.25
 PLACES = ("distance", *PLACE)
 #: A motor that turns with two joints.
 MOTOR = CoupledMotor.name
-#: Where the links of a chain are: at no joint, though the entry stands at the first that moves.
-LINKS = "the links"
+#: Where links and gravity of a chain are: at no joint, though the entry stands at the first that
+#: moves.
+LINKS, BASE = "the links", "the base"
 #: What tells a wrong zero from a base that stands askew.
 LEVEL = "put a level on the base, since no movement tells it from gravity along another way"
+ASKEW = "it seems to stand askew; put a level on the base"
 #: Parameters of further gravity along the axes of the world.
 FURTHER_GRAVITY = tuple(GravityTorque.parameters)
 #: A fitted model under another name, with the step that has it, its coefficients and its refits.
@@ -270,7 +272,9 @@ def _between(least: float, most: float) -> str:
 
 
 def where(entry: Mapping[str, Any]) -> str:
-    """Return where an effect of a report is: its joint, but of links of a chain."""
+    """Return where an effect of a report is: its joint, but of what all joints share."""
+    if entry.get("mujoco_element") == TurnedGravity.element:
+        return BASE
     return LINKS if entry["name"] == LINK_INERTIA else str(entry["joint"])
 
 
@@ -335,13 +339,30 @@ def of_gravity(recording: Recording, entries: Sequence[Mapping[str, Any]]) -> li
     lines = []
     for entry in entries:
         further = [entry["parameters"].get(name, {}).get("value") for name in FURTHER_GRAVITY]
-        if None not in further:
+        if None not in further and where(entry) == BASE:
+            lines.append(
+                f"all joints move as in a gravity of {_vector(declared + further)} m/s2, not "
+                f"{_vector(declared)} as declared: {ASKEW}"
+            )
+        elif None not in further:
             lines.append(
                 f"{entry['joint']} moves as in a gravity of {_vector(declared + further)} m/s2, "
                 f"not {_vector(declared)} as declared: is its effort logged after gravity "
                 "compensation, does something balance it, or is the device mounted another way?"
             )
     return lines
+
+
+def late_efforts(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a sentence for every effort that is late: a filter that is not declared looks so."""
+    delays = [(entry, entry["parameters"].get("delay", {}).get("value")) for entry in entries]
+    return [
+        f"the effort of {entry['joint']} was recorded {-1e3 * delay:.3g} ms after its position; a "
+        f"low-pass of {-1.0 / (2.0 * np.pi * delay):.2g} Hz looks so: if it has one, say "
+        '"effort_filter_hz" in session.json'
+        for entry, delay in delays
+        if delay is not None and delay < 0.0
+    ]
 
 
 def _vector(values: np.ndarray) -> str:

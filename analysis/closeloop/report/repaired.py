@@ -6,10 +6,12 @@ from typing import Any
 import mujoco
 
 from analysis.closeloop.contract import Verdict
+from analysis.closeloop.report.named import BASE, where
 from analysis.closeloop.session.device import Device
 from models.mjcf.compiling import compiled
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.elements import set_inertia
+from sim.effects.laws.inertia import TurnedGravity
 from sim.effects.laws.loose_link import DAMPED
 
 COULOMB = "coulomb_friction"
@@ -49,19 +51,22 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
             elements.append("body/inertial")
             continue
         values = {name: entry["value"] for name, entry in effect["parameters"].items()}
+        if where(effect) == BASE:
+            elements.append(TurnedGravity().add(spec, effect["joint"], values))
+            continue
         name = effect["name"]
         # An effect that was fitted beside others makes up the error with them, known or not.
         unknown = [key for key, value in values.items() if value is None]
         values |= {key: effect["parameters"][key].get("fitted") for key in unknown}
-        where = f"{name} of {effect['joint']}: {ALL}"
+        here = f"{name} of {effect['joint']}: {ALL}"
         if unknown and None not in values.values():
-            warnings.append(f"model_after.xml has the fitted values of {where}")
+            warnings.append(f"model_after.xml has the fitted values of {here}")
         elif unknown:
             if COULOMB not in BY_NAME[name].includes or values.get("torque") is None:
                 elements.append("none: not every parameter is determined")
-                warnings.append(f"model_after.xml lacks {where}")
+                warnings.append(f"model_after.xml lacks {here}")
                 continue
-            warnings.append(f"model_after.xml has {COULOMB} instead of {where}")
+            warnings.append(f"model_after.xml has {COULOMB} instead of {here}")
             name, values = COULOMB, {"torque": values["torque"]}
         spec, element, lacking = _with_effect(spec, name, effect["joint"], values)
         elements.append(element or "none: described in the report only")

@@ -37,15 +37,15 @@ GAINS = (0.33, 3.0)
 HEAVIEST = 30.0
 #: An encoder's zero is set within a quarter of a turn, rad.
 MAX_OFFSET = 0.5 * np.pi
-#: The effort reaches the joint later by no more, s; the encoder is late by no more, s.
-MAX_DELAY, MAX_LATE_ENCODER = 0.3, 0.1
+#: The effort reaches the joint later by no more, s; it is recorded later by no more, s.
+MAX_DELAY, MAX_LATE_EFFORT = 0.3, 0.1
 #: Share of the sampling period within which nothing is late: to hold a sample for a period is a
 #: delay of half of it, in the controller as in the log (Astrom and Wittenmark 1997).
 CLOCK = 0.5
 #: Slowest drive, s: a loop closed around a slower one cannot follow a limb. Soft tissue relaxes in
 #: 0.1 to 1 s (viscosity over stiffness, Table 1), and looks like one.
 MAX_LAG = 0.16
-#: Delays and lags to begin with, s. A negative delay is that of the encoder; a negative lag is
+#: Delays and lags to begin with, s. A negative delay is that of the effort; a negative lag is
 #: nobody's: it would smooth the noise of the prediction.
 DELAYS = both_signs(0.002, 0.004, 0.007, 0.011, 0.016, 0.023, 0.032, 0.045, 0.065)
 LAGS = (0.003, 0.006, 0.011, 0.02, 0.035, 0.06, 0.1, 0.16)
@@ -189,7 +189,10 @@ class PositionOffset(Effect):
 
 
 class TimeDelay(Late):
-    """The joint feels the effort a fixed time later; negative if the encoder is the late one."""
+    """The joint feels the effort a fixed time later, or its encoder is late; else it is negative.
+
+    An effort that is recorded late, as behind a low-pass, is what the joint felt before.
+    """
 
     name = "time_delay"
     complexity = 1
@@ -198,7 +201,7 @@ class TimeDelay(Late):
     separating_trial = "shake the joint fast, with a small amplitude"
     parameters = named(
         delay=Parameter(
-            "s", "from the effort to the joint", floor=-MAX_LATE_ENCODER, ceiling=MAX_DELAY
+            "s", "from the effort to the joint", floor=-MAX_LATE_EFFORT, ceiling=MAX_DELAY
         )
     )
     nonlinear = (Nonlinear("delay", DELAYS, scaling=0.25, step=SECONDS),)

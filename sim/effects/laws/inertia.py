@@ -318,7 +318,9 @@ class GravityTorque(Law):
     least_own = 1e-6
     # Beside stiffness and neutral angle trials tell no more than one direction of gravity, or its
     # opposite.
-    nonlinear = (Nonlinear("turned", tuple(np.arange(6) * np.pi / 6), shift=0.25, step=RELATIVE),)
+    nonlinear: tuple[Nonlinear, ...] = (
+        Nonlinear("turned", tuple(np.arange(6) * np.pi / 6), shift=0.25, step=RELATIVE),
+    )
 
     def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
         along = _turned(joint.weight, theta["turned"])
@@ -336,6 +338,31 @@ class GravityTorque(Law):
     def torque(self, parameters: Values, motion: Motion) -> Signal:
         held: Signal = motion.weight @ np.array([parameters[name] for name in self.parameters])
         return held
+
+
+class TurnedGravity(GravityTorque):
+    """The same at all joints of an arm at once: its base stands askew.
+
+    All three numbers are told where several joints are weighed; a limb's stiffness hides none.
+    """
+
+    limb = False
+    complexity = 3
+    signature = "every joint's residual is that of gravity along one other direction"
+    separating_trial = "put a level on the base"
+    element = "option/@gravity"
+    nonlinear = ()
+
+    def readings(self, joint: RecordedJoint, theta: Theta) -> dict[str, Reading]:
+        return {name: Reading(column=number) for number, name in enumerate(self.parameters)}
+
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        recording = joint.recording
+        return {number: recording.weight(number) for number in recording.joints}
+
+    def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
+        spec.option.gravity = spec.option.gravity + [parameters[name] for name in self.parameters]
+        return self.element
 
 
 def _turned(weight: np.ndarray, angle: float) -> np.ndarray:

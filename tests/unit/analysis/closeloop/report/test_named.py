@@ -16,6 +16,7 @@ from analysis.closeloop.identification.balance.uncertainty import Fits, leave_ou
 from analysis.closeloop.report.named import (
     _if_it_can_be,
     if_they_can_be,
+    late_efforts,
     refused_values,
     spans_nonsense,
     supposed,
@@ -384,3 +385,14 @@ def test_motors_of_other_pairs_or_of_the_other_sense_are_others() -> None:
     joints = ("base", "pitch", "roll")
     apart = [motor("roll", 1, -1.0), motor("pitch", 2, 1.0), motor("pitch", 0, -1.0)]
     assert all("same_as" not in entry for entry in with_places(apart, joints))
+
+
+def test_an_effort_that_is_recorded_late_may_be_filtered() -> None:
+    """Two strangers' low-passes of 8 and 10 Hz that nobody declared were negative delays alone."""
+
+    def told(delay: float) -> list[str]:
+        return late_efforts([{"joint": "elbow", "parameters": {"delay": {"value": delay}}}])
+
+    (line,) = told(-0.0192)
+    assert "elbow was recorded 19.2 ms after" in line and "low-pass of 8.3 Hz" in line
+    assert "effort_filter_hz" in line and told(0.0192) == []

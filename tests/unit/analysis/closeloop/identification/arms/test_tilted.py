@@ -1,0 +1,68 @@
+"""A base that stands askew is one thing, and no wrong zeros and springs of its arm's joints."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from analysis.closeloop.identification.arms.robot import traced_robot, weighed
+from analysis.closeloop.identification.arms.tilted import TURNED, with_tilt
+from analysis.closeloop.identification.balance.model import Model, unfitted
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.findings import Grown
+from analysis.closeloop.report.named import where
+from analysis.closeloop.session.recording import Recording
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.coupled import measured, moving
+
+#: An upright hinge with two level ones behind it.
+UPRIGHT = """<mujoco><worldbody>
+<body name="one"><joint name="a" axis="0 0 1"/><geom size=".05" pos=".05 0 .1"/>
+<body name="two" pos="0 0 .2"><joint name="b" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
+<body name="three" pos=".2 0 0"><joint name="c" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
+</body></body></body></worldbody></mujoco>"""
+#: Gravity beside the declared one, m/s2: of a base that leans over by 4 degrees.
+ASKEW = np.array([0.684, 0.0, 0.024])
+
+
+def found(recording: Recording) -> tuple[Grown, Grown]:
+    """Return what is found joint by joint, and with the base asked."""
+    declared = Model(recording)
+    rows = weighed(declared, select_rows(recording, (0,)))
+    grown = traced_robot(declared, rows, lambda _: None)
+    return grown, with_tilt(grown, rows)
+
+
+def test_gravity_of_another_direction_takes_the_place_of_all_that_stood_for_it() -> None:
+    """A stranger's arm had a spring at its upright axis and a wrong zero beyond it."""
+    arm = moving(UPRIGHT)
+    effort = arm.rigid + np.column_stack([arm.weight(joint) @ ASKEW for joint in range(3)])
+    effort[:, 1] += 0.05 * np.tanh(arm.velocity[:, 1] / 0.01)
+    before, after = found(measured(arm, effort))
+    assert len(before.steps) > 2
+    assert sorted(step.key for step in after.steps) == [
+        ("coulomb_friction", 1),
+        ("gravity_torque", 0),
+    ]
+    *_, (_, gravity) = after.model.split(after.score.coefficients)
+    assert gravity == pytest.approx(ASKEW, abs=0.01)
+
+
+def test_a_wrong_zero_of_one_joint_is_left_what_it_is() -> None:
+    arm = moving()
+    offset = 0.08
+    columns = BY_NAME["position_offset"].columns(unfitted(arm, 1), {"offset": offset})
+    effort = np.array(arm.rigid)
+    for joint, column in columns.items():
+        effort[:, joint] += offset * column[:, 0]
+    before, after = found(measured(arm, effort))
+    assert before is after and ("position_offset", 1) in {step.key for step in after.steps}
+
+
+def test_the_repaired_model_has_the_gravity_that_was_found() -> None:
+    spec = mujoco.MjSpec.from_string(UPRIGHT)
+    values = dict(zip(TURNED.parameters, ASKEW.tolist(), strict=True))
+    assert TURNED.add(spec, "a", values) == TURNED.element
+    assert spec.compile().opt.gravity == pytest.approx(ASKEW - [0.0, 0.0, 9.81])
+    entry = {"name": TURNED.name, "joint": "a", "mujoco_element": TURNED.element}
+    assert where(entry) == "the base"
+    assert where({**entry, "mujoco_element": "applied torque"}) == "a"
