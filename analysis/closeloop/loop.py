@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
-from analysis.closeloop.identification.arms.skew import synchronised
+from analysis.closeloop.identification.arms.skew import synchronised, synchronised_limb
 from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.sticking import driven, samples_step
@@ -64,6 +64,10 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     recording, skewed = synchronised(recording)
     recording = supposing_held_out(supposing_loads(supposing_lone_loads(recording)))
     found = trace(recording, progress)
+    shifted, late = synchronised_limb(found)
+    if late:
+        recording, skewed = shifted, late
+        found = trace(recording, progress)
     progress("torque that is local in time")
     events, loads = _events(found, recording)
     whole = recording

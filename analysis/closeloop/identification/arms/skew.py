@@ -17,13 +17,14 @@ from analysis.closeloop.identification.balance.model import Model, evaluate, pre
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.sticking import sliding
 from analysis.closeloop.identification.balance.terms import Given
+from analysis.closeloop.identification.findings import Trace
 from analysis.closeloop.session.recording import Recording
 
 #: Joints agree within so many standard errors, or within this share of the time.
 ERRORS, SHARE = 3.0, 0.5
 NOTE = (
-    "efforts are logged {:.2f} ms {} the positions, at all joints alike: that is allowed for, and "
-    "is no delay of a joint"
+    "efforts are logged {:.2f} ms {} the positions, {}: that is allowed for, and is no delay of a "
+    "joint"
 )
 
 
@@ -54,8 +55,35 @@ def synchronised(recording: Recording) -> tuple[Recording, str]:
     at = np.array(rows.joints)
     if np.mean(1.0 - left[at] / lost[at]) < MIN_GAIN:
         return recording, ""
-    words = 1e3 * abs(time), "before" if time > 0.0 else "after"
-    return later(recording, time), NOTE.format(*words)
+    return later(recording, time), _said(time, "at all joints alike")
+
+
+def synchronised_limb(found: Trace) -> tuple[Recording, str]:
+    """Return the recording of a traced limb as `synchronised` does that of a robot.
+
+    What was found stands in for other joints to agree with: a command that is held for a period
+    acts half of it later, and beside a gain of 13 % that was a Maxwell element and a load.
+    """
+    recording, rows = found.rows.recording, found.rows
+    named = [step.taken.candidate.effect for step in found.steps]
+    late = any(effect.channel and effect.filters for effect in named)
+    if late or len(rows.joints) != 1 or not recording.limbs:
+        return recording, ""
+    model, (joint,) = found.model, rows.joints
+    rates = _rates(model, found.score.coefficients)[:, [joint]]
+    time, error = _time(model, rows, joint, rates)
+    if not MIN_Z * error < abs(time) <= 1.0 / recording.sampling.recorded:
+        return recording, ""
+    given = {} if model.given is None else dict(model.given.torque)
+    given[joint] = time * rates + given.get(joint, 0.0)
+    after = evaluate(replace(model, given=Given(torque=given)), rows)
+    if found.score.loss - after.loss < MIN_GAIN * found.score.loss:
+        return recording, ""
+    return later(recording, time), _said(time, "less than a sample")
+
+
+def _said(time: float, which: str) -> str:
+    return NOTE.format(1e3 * abs(time), "before" if time > 0.0 else "after", which)
 
 
 def agreed_time(times: np.ndarray, errors: np.ndarray) -> tuple[float, float]:

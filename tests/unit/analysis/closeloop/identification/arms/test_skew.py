@@ -1,13 +1,23 @@
 """A log whose efforts are some time before or after its positions, at all joints alike."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification.arms.skew import agreed_time, later, synchronised
+from analysis.closeloop.identification.arms.skew import (
+    agreed_time,
+    later,
+    synchronised,
+    synchronised_limb,
+)
+from analysis.closeloop.identification.balance.model import Model, evaluate
+from analysis.closeloop.identification.balance.regression import select_rows
+from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.session.recording import Recording
-from tests.testbed.sessions.rich import ELBOW, rich_recording
+from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.rich import ELBOW, rich_elbow, rich_recording
 
 MS = 1e-3
 
@@ -57,7 +67,27 @@ def test_friction_that_turns_late_does_not_hide_the_time_of_a_log() -> None:
     assert moved == pytest.approx(truth, abs=0.15 * np.abs(truth).max())
 
 
-def test_of_a_limb_nothing_is_said() -> None:
+@pytest.mark.parametrize("name", ["", "time_delay", "torque_gain"])
+def test_of_a_limb_it_is_told_beside_what_was_found_unless_that_is_late(name: str) -> None:
+    """A command that is held acts later: a Maxwell element and a load were named for that."""
+    time, elbow = 1.0 * MS, rich_elbow(20)
+    effort = later(elbow, time).inverse
+    effort += 0.002 * np.random.default_rng(4).standard_normal(effort.shape)
+    elbow = replace(elbow, effort=elbow.filtered(effort), cache={})
+    rows, model = select_rows(elbow, (0,)), Model(elbow)
+    named = [Candidate(effect=BY_NAME[name], joint=ELBOW)] if name else []
+    steps = [SimpleNamespace(taken=SimpleNamespace(candidate=one)) for one in named]
+    found = SimpleNamespace(rows=rows, model=model, score=evaluate(model, rows), steps=steps)
+    there, said = synchronised_limb(found)  # type: ignore[arg-type]
+    if name == "time_delay":
+        assert (there, said) == (elbow, "")
+        return
+    moved, truth = (one.position - elbow.position for one in (there, later(elbow, time)))
+    assert moved[:, ELBOW] == pytest.approx(truth[:, ELBOW], abs=4e-5)
+    assert "ms before the positions, less than a sample" in said
+
+
+def test_of_a_limb_nothing_is_said_before_its_effects_are_known() -> None:
     """Its one joint agrees with itself: a delay of its drive is no matter of the log."""
     arm = logged((1.0 * MS, 1.0 * MS))
     limb = replace(arm, session=replace(arm.session, limb_joints=("elbow",)))
