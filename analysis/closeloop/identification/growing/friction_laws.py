@@ -71,7 +71,9 @@ def with_plain_law(grown: Grown, rows: Rows) -> Grown:
         candidate = step.taken.candidate
         plain = Candidate(effect=BY_NAME["coulomb_friction"], joint=candidate.joint)
         rest = grown.model.without(candidate)
-        if not (candidate.effect.rubs and candidate.includes(plain)):
+        # What winds up is missed where the joint turns, and stands out there as pushes.
+        law = candidate.effect.rubs and not candidate.effect.winds
+        if not (law and candidate.includes(plain)):
             continue
         if (begun := tried_alone(rest, rows, plain)) is None:
             continue

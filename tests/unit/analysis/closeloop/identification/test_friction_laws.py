@@ -9,7 +9,7 @@ from analysis.closeloop.identification.balance.model import Model, evaluate, unf
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.findings import Grown, Option, Step
-from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
+from analysis.closeloop.identification.growing.friction_laws import with_plain_law, with_wound_laws
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import PRESLIDING_SHARE
@@ -116,3 +116,29 @@ def test_what_a_richer_law_adds_has_to_be_more_than_other_errors_may_be() -> Non
     rows = select_rows(slow, (0,))
     found = named(slow, rows, "coulomb_friction", smooth=0.004)
     assert with_wound_laws(found, rows).steps == found.steps
+
+
+@pytest.mark.parametrize(
+    ("difference", "law"), [(0.0, "coulomb_friction"), (0.6, "asymmetric_friction")]
+)
+def test_beside_another_effect_friction_is_plain_unless_left_out_rows_miss_more(
+    elbow: Recording, difference: float, law: str
+) -> None:
+    """Before the other was known an asymmetry stood for it (a reflex, of a stranger's)."""
+    smooth, load = {"smooth": 0.02}, {"distance": 1.6}
+    joint = unfitted(elbow, ELBOW)
+    turned = np.tanh(joint.velocity / (smooth["smooth"] * joint.top_speed))
+    effort = np.array(elbow.inverse)
+    effort[:, ELBOW] += FRICTION * turned + difference * np.abs(turned)
+    effort[:, ELBOW] += BY_NAME["payload"].columns(joint, load)[ELBOW] @ [0.4]
+    effort += NOISE * np.random.default_rng(4).standard_normal(effort.shape)
+    loud = replace(elbow, effort=elbow.filtered(effort), cache={})
+    rows = select_rows(loud, (0,)).reweighted({ELBOW: NOISE})
+    rich = named(loud, rows, "asymmetric_friction", **smooth, viscous=0.0)
+    other = named(loud, rows, "payload", distance=1.2)
+    model = rich.model.with_term(other.model.terms[0])
+    found = with_plain_law(Grown(model, evaluate(model, rows), rich.steps + other.steps), rows)
+    assert sorted(step.key[0] for step in found.steps) == sorted((law, "payload"))
+    if not difference:
+        (term,) = [t for t in found.model.terms if t.effect is BY_NAME["payload"]]
+        assert term.theta["distance"] > 1.4
