@@ -43,6 +43,7 @@ from analysis.closeloop.report.still import still_answer
 from analysis.closeloop.session.reading import said_of_unread
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import TRAVEL
+from analysis.closeloop.session.stretches import without_forgotten
 from analysis.closeloop.units import doubtful_units
 
 #: Time that a joint moves by itself, s, before a fit says anything of it, unless it goes far; or
@@ -64,6 +65,10 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     recording, skewed = synchronised(recording)
     recording = supposing_held_out(supposing_loads(supposing_lone_loads(recording)))
     found = trace(recording, progress)
+    if any(step.taken.candidate.effect.remembers for step in found.steps):
+        seen = without_forgotten(recording)
+        if seen is not recording:
+            recording, found = seen, trace(seen, progress)
     shifted, late = synchronised_limb(found)
     if late:
         recording, skewed = shifted, late

@@ -95,6 +95,8 @@ class Effect(ABC):
     at_reversals: bool = False
     #: Whether it winds up over a way after each reversal, as friction itself does over a short one.
     winds: bool = False
+    #: Whether it remembers for a while what the joint did.
+    remembers: bool = False
     #: What its form leaves out (`unsaid`), in words; empty if nothing that matters.
     leaves_out: str = ""
     #: Whether it is further mass or inertia of what the joint moves.

@@ -124,8 +124,10 @@ def _rounded(recording: Recording, joint: int) -> float:
 
 
 def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
-    """Return the recording with the samples of events marked: no fit uses them."""
+    """Return the recording with the samples of events marked, too: no fit uses them."""
     disturbed = np.zeros(recording.effort.shape, dtype=bool)
+    if recording.disturbed is not None:
+        disturbed |= recording.disturbed
     for event in events:
         inside = (recording.time >= event.begin) & (recording.time <= event.end)
         disturbed[inside & (recording.trial == event.trial), event.joint] = True

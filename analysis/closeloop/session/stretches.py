@@ -16,6 +16,7 @@ from analysis.closeloop.session.missing import near_a_sample, with_missing_count
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import MOVING, runs
 from analysis.closeloop.session.signals import (
+    LEAST_MEASURED,
     MeasuredLowpass,
     Sampling,
     derivatives,
@@ -106,6 +107,22 @@ def away_from_gaps(piece: Stretch, sampling: Sampling) -> np.ndarray:
         if run.stop - run.start >= GAP_STEPS - 1:
             known[max(run.start - reach, 0) : run.stop + reach] = False
     return known
+
+
+def without_forgotten(recording: Recording) -> Recording:
+    """Return the recording without what comes so soon after a gap that what was in it matters.
+
+    A reflex answers a stretch that no sample shows.
+    """
+    after = np.zeros(len(recording.time), dtype=bool)
+    for piece in recording.slices:
+        for run in runs(recording.measured[piece] < LEAST_MEASURED):
+            if run.stop - run.start >= GAP_STEPS:
+                end = piece.start + run.stop
+                after[end : min(end + int(BRIDGED * recording.rate), piece.stop)] = True
+    if not after.any():
+        return recording
+    return replace(recording, disturbed=np.repeat(after[:, None], len(recording.device.joints), 1))
 
 
 def effort_for_fit(piece: Stretch, sampling: Sampling) -> tuple[np.ndarray, ...]:

@@ -48,6 +48,7 @@ class StretchReflex(AppliedEffect):
 
     limb = True
     name = "stretch_reflex"
+    remembers = True
     complexity = 5
     signature = "the residual resists one direction only, beyond a speed or an angle, a little late"
     separating_trial = "stretch the joint through the same range at four speeds, and record the EMG"
@@ -199,7 +200,7 @@ class Thixotropy(AppliedEffect):
         Nonlinear("distance", (0.15, 0.4, 1.0), scaling=0.4, step=RELATIVE, over_travel=True),
     )
     includes = ("hysteresis",)
-    rubs = directed = at_reversals = winds = True
+    rubs = directed = at_reversals = winds = remembers = True
 
     def limits(self, joint: RecordedJoint) -> Limits:
         least = PRESLIDING_SHARE * joint.travel[1]
@@ -233,6 +234,7 @@ class ThixotropicStiffness(AppliedEffect):
 
     limb = True
     name = "thixotropic_stiffness"
+    remembers = True
     complexity = 4
     signature = "the slope against position is steep after a rest and falls in motion"
     separating_trial = "move to and fro without a pause, then after rests of one, three and ten s"

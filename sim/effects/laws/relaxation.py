@@ -28,6 +28,7 @@ class StressRelaxation(AppliedEffect):
 
     limb = filters = True
     name = "stress_relaxation"
+    remembers = True
     complexity = 2
     signature = "after a movement the torque falls with time, on either side"
     separating_trial = "step to three angles and hold each for twenty seconds"

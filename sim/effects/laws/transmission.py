@@ -110,7 +110,7 @@ class Hysteresis(AppliedEffect):
         Nonlinear("distance", WAYS, scaling=0.4, step=RELATIVE, over_travel=True),
         Nonlinear("exponent", (1.0, 0.0)),
     )
-    rubs = directed = at_reversals = winds = True
+    rubs = directed = at_reversals = winds = remembers = True
 
     def limits(self, joint: RecordedJoint) -> Limits:
         least = PRESLIDING_SHARE * joint.travel[1]

@@ -16,7 +16,7 @@ from analysis.closeloop.session.missing import (
 )
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import MeasuredLowpass, lowpass
-from analysis.closeloop.session.stretches import record
+from analysis.closeloop.session.stretches import record, without_forgotten
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.synthetic import mjcf
 
@@ -131,6 +131,21 @@ def test_a_short_gap_ends_no_stretch_and_no_fit_sees_what_its_filters_reach() ->
     assert recording.usable[650 + 2 * recording.edge :].all()
     kept[600:680] = False
     assert len(recorded(at(whole, kept)).slices) == 2
+
+
+def test_what_follows_a_gap_is_left_out_for_what_remembers() -> None:
+    """A reflex answers a stretch that no sample shows: it was told as pushes (a stranger's)."""
+    whole = trial()
+    kept = np.ones(len(whole.time), dtype=bool)
+    kept[600:650] = False
+    kept[900:903] = False
+    recording = recorded(at(whole, kept))
+    disturbed = without_forgotten(recording).disturbed
+    assert disturbed is not None
+    (first, last) = np.flatnonzero(disturbed[:, 1])[[0, -1]]
+    assert 650 <= first <= 650 + recording.edge and last - first == pytest.approx(60, abs=2)
+    single = recorded(at(whole, some_missing(len(whole.time))))
+    assert without_forgotten(single) is single
 
 
 def test_what_came_before_an_early_gap_is_known() -> None:
