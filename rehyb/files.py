@@ -61,7 +61,7 @@ def export(client: Client, study_id: str, out: Path | None, format: str) -> Path
     if format == "csv":
         client.results_csv(study_id, path)
         return path
-    with study_with_results(client, study_id) as (study, results), whole_file(path) as partial:
+    with whole_file(path) as partial, study_with_results(client, study_id) as (study, results):
         _write(partial, study, results, format)
     return path
 

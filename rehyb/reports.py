@@ -7,6 +7,7 @@ from pathlib import Path
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid, needs_extra
 from rehyb.files import study_with_results
+from rehyb.whole_files import whole_file
 
 
 def report_studies(
@@ -60,9 +61,9 @@ def write(
 
     units = {name: unit for name, unit in studies[0][0].get("units", {}).items() if unit != "1"}
     chapters = [chapter(study, table) for study, table in studies]
-    with needs_extra("a surrogate", "surrogate"):
-        return write_report(
-            out,
+    with whole_file(out) as partial, needs_extra("a surrogate", "surrogate"):
+        _, *pictures = write_report(
+            partial,
             chapters,
             output,
             units,
@@ -71,3 +72,4 @@ def write(
             folders=folders,
             surrogates=surrogates,
         )
+    return [out, *pictures]

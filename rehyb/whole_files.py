@@ -1,21 +1,43 @@
 """Write files so that nobody finds half of one."""
 
 import json
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+
+from rehyb.errors import Invalid
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a path to write to: it is renamed to `path` when the block succeeds, else removed."""
-    partial = path.with_name(path.name + ".partial")
+    """Yield a path to write to: it is renamed to `path` when the block succeeds, else removed.
+
+    Where `path` is a link, what it leads to is written.
+
+    Raises:
+        Invalid: there is something that is no regular file: to rename to it would replace it.
+        OSError: it cannot be written; it names `path`, whatever the block wrote to.
+    """
+    target = Path(os.path.realpath(path))
+    if target.exists() and not target.is_file():
+        raise Invalid(f"{path} is no regular file; name a file")
+    partial = target.with_name(target.name + ".partial")
     try:
+        # What keeps it from being made is said before anything is computed for it.
+        partial.open("wb").close()
         yield partial
-        partial.replace(path)
+        partial.replace(target)
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(partial)):
+            raise
+        # Those who write to it put the cause into words of their own, or name no file.
+        raise OSError(error.errno, os.strerror(error.errno), str(path)) from error
     finally:
-        partial.unlink(missing_ok=True)
+        # It may be what keeps it from being made.
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
 
 
 def write_json(path: Path, content: Any) -> None:

@@ -123,9 +123,7 @@ def write_report(
         sections=sections,
         version=version("rehyb"),
     )
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(page, encoding="utf-8")
-    partial.replace(path)
+    path.write_text(page, encoding="utf-8")
     return files
 
 

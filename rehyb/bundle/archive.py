@@ -78,7 +78,7 @@ def write_bundle(client: Client, study_id: str, out: Path) -> str:
         Invalid: a name in its model clashes with one in its table of results.
         RehybError: the coordinator does not know the study, or does not answer.
     """
-    with tempfile.TemporaryDirectory() as name:
+    with whole_file(out) as partial, tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         study = client.study(study_id)
         check_names(study)
@@ -130,7 +130,7 @@ def write_bundle(client: Client, study_id: str, out: Path) -> str:
             },
         }
         (folder / MANIFEST).write_text(_text(manifest))
-        with whole_file(out) as partial, zipfile.ZipFile(partial, "w") as archive:
+        with zipfile.ZipFile(partial, "w") as archive:
             for member in (MANIFEST, *members):
                 _add(archive, member, folder / member)
     return digest_of(out)
