@@ -59,6 +59,7 @@ def back_up(engine: Engine, path: Path) -> None:
 
     Raises:
         ConflictError: the file exists or cannot be written, or the database is not SQLite.
+        DamagedError: it has damaged pages.
     """
     if engine.dialect.name != "sqlite":
         raise ConflictError("this is a PostgreSQL database: back it up with pg_dump")
@@ -70,6 +71,11 @@ def back_up(engine: Engine, path: Path) -> None:
         raise ConflictError(
             f"the copy {path.absolute()} cannot be written ({error}): name a file in a folder that "
             "is there, where you may write and room is"
+        ) from error
+    except sqlite3.DatabaseError as error:
+        raise DamagedError(
+            f"the file of the database is damaged ({' '.join(str(error).split())}), as its copy "
+            "would be: none is kept; go back to an earlier one"
         ) from error
 
 

@@ -2,6 +2,7 @@
 
 import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from time import monotonic
 
@@ -113,13 +114,17 @@ def damage(connection: Connection, *, seconds: float) -> str | None:
     # So often as to cost nothing, and yet many times a second.
     driver.set_progress_handler(lambda: monotonic() > deadline, 1_000)
     try:
-        said = str(driver.execute("PRAGMA quick_check(1)").fetchone()[0])
-    except sqlite3.DatabaseError as error:
-        if "interrupted" in str(error):
-            return None
-        said = str(error)
+        said = _first_fault(driver)
     finally:
         driver.set_progress_handler(None, 0)
+    return None if said is not None and "interrupted" in said else said
+
+
+def _first_fault(driver: sqlite3.Connection) -> str | None:
+    try:
+        said = str(driver.execute("PRAGMA quick_check(1)").fetchone()[0])
+    except sqlite3.DatabaseError as error:
+        said = str(error)
     return None if said == "ok" else said
 
 
@@ -151,18 +156,25 @@ def write_nothing_new(connection: Connection) -> None:
 
 
 def copy(engine: Engine, path: Path) -> None:
-    """Copy a SQLite database to `path` while it is in use; the copy is as of one moment."""
+    """Copy a SQLite database to `path` while it is in use; the copy is as of one moment.
+
+    Raises:
+        sqlite3.DatabaseError: it has damaged pages, which a copy would have, too; none is kept.
+        OSError, sqlite3.OperationalError: the copy cannot be written.
+    """
     partial = path.with_name(path.name + ".partial")
     partial.unlink(missing_ok=True)
     source = engine.raw_connection()
     try:
         make_private(partial)
         target = sqlite3.connect(partial)
-        with target:
+        with closing(target):
             driver = source.driver_connection
             assert isinstance(driver, sqlite3.Connection)
             driver.backup(target)
-        target.close()
+            fault = _first_fault(target)
+        if fault is not None:
+            raise sqlite3.DatabaseError(fault)
         partial.replace(path)
     finally:
         source.close()

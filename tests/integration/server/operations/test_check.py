@@ -4,6 +4,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -106,20 +107,38 @@ def test_a_file_with_damaged_pages_is_refused_at_start(tmp_path: Path) -> None:
         check.refuse_damage(url, seconds=60.0)
 
 
-def test_a_damaged_page_that_opening_the_file_does_not_read_is_found_too(tmp_path: Path) -> None:
+@pytest.fixture
+def damaged(tmp_path: Path) -> Path:
+    """A database with a damaged page that opening the file does not read."""
     file = tmp_path / "rehyb.sqlite3"
-    url = f"sqlite:///{file}"
-    upgrade(url)
-    with sqlite3.connect(file) as opened:
+    upgrade(f"sqlite:///{file}")
+    with closing(sqlite3.connect(file)) as opened:
         (root,) = opened.execute(
             "SELECT rootpage FROM sqlite_master WHERE name = 'leases'"
         ).fetchone()
-    opened.close()
     with file.open("r+b") as pages:
         pages.seek((root - 1) * 4096)
         pages.write(b"\xa5" * 4096)
+    return file
+
+
+def test_a_damaged_page_that_opening_the_file_does_not_read_is_found_too(damaged: Path) -> None:
     with pytest.raises(DamagedError, match=r"damaged \(.*rehyb db check"):
-        check.refuse_damage(url, seconds=60.0)
+        check.refuse_damage(f"sqlite:///{damaged}", seconds=60.0)
+
+
+def test_no_backup_is_kept_of_a_database_with_damaged_pages(
+    damaged: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{damaged}")
+    monkeypatch.setattr("sys.argv", ["rehyb", "db", "backup", str(damaged.with_name("copy"))])
+    with pytest.raises(SystemExit) as leaving:
+        main()
+    said = capsys.readouterr()
+    assert (leaving.value.code, said.out) == (1, "")
+    assert said.err.startswith("rehyb: the file of the database is damaged (")
+    assert said.err.count("\n") == 1
+    assert not list(damaged.parent.glob("copy*"))
 
 
 def test_a_second_coordinator_on_one_file_is_refused(tmp_path: Path) -> None:
