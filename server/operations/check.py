@@ -50,7 +50,7 @@ def refuse_damage(url: str, *, seconds: float) -> None:
     if found is not None:
         raise DamagedError(
             f"the file of the database is damaged ({' '.join(found.split())}): `rehyb db check` "
-            "looks at all of it; go back to a copy made by `rehyb db backup`"
+            "looks at all of it; go back to a copy of `rehyb db backup` by `rehyb db restore`"
         )
 
 
@@ -75,7 +75,7 @@ def back_up(engine: Engine, path: Path) -> None:
     except sqlite3.DatabaseError as error:
         raise DamagedError(
             f"the file of the database is damaged ({' '.join(str(error).split())}), as its copy "
-            "would be: none is kept; go back to an earlier one"
+            "would be: none is kept; go back to an earlier one by `rehyb db restore`"
         ) from error
 
 

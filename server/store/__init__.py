@@ -6,6 +6,6 @@ Functions work within a transaction that `server.operations` opens, take and ret
 """
 
 from server.store.database.engine import create_engine
-from server.store.database.upgrade import require_current, upgrade
+from server.store.database.upgrade import has_schema, require_current, upgrade
 
-__all__ = ["create_engine", "require_current", "upgrade"]
+__all__ = ["create_engine", "has_schema", "require_current", "upgrade"]

@@ -1,4 +1,4 @@
-"""Commands about the coordinator's database: `db upgrade`, `backup`, `copy`, `check`."""
+"""Commands about the coordinator's database: `db upgrade`, `backup`, `restore`, `copy`, `check`."""
 
 import logging
 import os
@@ -50,6 +50,27 @@ def backup(file: Annotated[Path, typer.Argument(help="The copy; must not exist."
     with opened() as engine:
         checks.back_up(engine, file)
     return file_written(file)
+
+
+@app.command()
+@answering
+def restore(
+    file: Annotated[Path, typer.Argument(help="From `rehyb db backup`.", metavar="BACKUP")],
+) -> Answer:
+    """Put a backup in the place of the SQLite database at REHYB_DATABASE_URL.
+
+    It is checked first. Stop coordinator and analysis before: what they have open is replaced.
+    """
+    with needs_extra("the database", "server"):
+        from server.operations import backups
+
+    if "REHYB_DATABASE_URL" not in os.environ:
+        # Who has not named a database means one that is there.
+        _check_there(_url())
+    with in_one_sentence():
+        path = backups.restore(_url(), file)
+    text = f"{file} is whole, and now is the database {path}; what was there is gone, with its log"
+    return Answer({"database": str(path), "backup": str(file)}, text)
 
 
 @app.command()

@@ -51,6 +51,12 @@ def require_current(engine: Engine) -> None:
         )
 
 
+def has_schema(engine: Engine) -> bool:
+    """Say whether the database has a schema of rehyb, of whatever version; SchemaError: a newer."""
+    with reading(engine) as connection:
+        return _current(connection) is not None
+
+
 def _location() -> Config:
     """Return an Alembic configuration that knows where the migrations are, without any file."""
     config = Config()

@@ -236,6 +236,7 @@ def test_a_backup_that_cannot_be_written_is_one_sentence_with_its_place(
     [
         "db check",
         "db backup copy.sqlite3",
+        "db restore copy.sqlite3",
         "db copy sqlite:///b",
         "token create anna --scope read",
         "token list",
@@ -279,6 +280,7 @@ def test_every_command_explains_itself_and_has_a_json_form(run: Run) -> None:
         "up",
         "db upgrade",
         "db backup",
+        "db restore",
         "db copy",
         "db check",
         "token create",
