@@ -2,6 +2,7 @@
 
 import logging
 import os
+import sqlite3
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +22,9 @@ log = logging.getLogger(__name__)
 
 #: Seconds between two looks for a database that a coordinator has yet to make.
 LOOK_SECONDS = 1.0
+
+#: What SQLite answers where it may not write, or cannot; it does not say to what.
+_NOT_WRITABLE = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
 
 app = typer.Typer(help="The coordinator's database.", no_args_is_help=True)
 
@@ -108,7 +112,12 @@ def copy(
 
     _check_there(_url())
     counts: dict[str, int] = {}
-    with in_one_sentence(), instance_lock(_url()), opened() as source:
+    with (
+        in_one_sentence(),
+        instance_lock(_url()),
+        opened() as source,
+        in_one_sentence(target),
+    ):
         try:
             upgrade(target)
             engine = create_engine(target)
@@ -198,8 +207,12 @@ def _url() -> str:
 
 
 @contextmanager
-def in_one_sentence() -> Iterator[None]:
-    """Turn what the server raises at start into this command's errors."""
+def in_one_sentence(url: str | None = None) -> Iterator[None]:
+    """Turn what the server raises at start into this command's errors.
+
+    Args:
+        url: of the database that is opened; default: the one at REHYB_DATABASE_URL.
+    """
     from sqlalchemy.exc import SQLAlchemyError
 
     from server.errors import BadSettingError, CoordinatorError
@@ -211,5 +224,9 @@ def in_one_sentence() -> Iterator[None]:
     except (CoordinatorError, OSError) as error:
         raise RehybError(str(error)) from error
     except SQLAlchemyError as error:
-        cause = str(getattr(error, "orig", None) or error).splitlines()[0]
+        orig = getattr(error, "orig", None)
+        cause = str(orig or error).splitlines()[0]
+        if getattr(orig, "sqlite_errorcode", 0) & 0xFF in _NOT_WRITABLE:
+            file = Path((url or _url()).removeprefix("sqlite:///")).absolute()
+            cause = f"{file}: {cause}; SQLite writes beside a file that it reads, too"
         raise RehybError(f"the database cannot be used: {cause}") from error

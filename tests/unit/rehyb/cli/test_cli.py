@@ -183,15 +183,29 @@ def test_a_coordinator_without_a_token_is_not_started(
     assert len(err.splitlines()) == 1
 
 
-def test_a_database_that_cannot_be_opened_is_one_sentence(
-    run: Run, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("command", ["db upgrade", "db check", "db backup copy", "token list"])
+def test_a_database_that_cannot_be_opened_is_one_sentence_that_names_its_file(
+    run: Run, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("REHYB_DATABASE_URL", "sqlite:////nowhere/at/all.sqlite3")
-    status, _, err = run("db", "upgrade")
+    monkeypatch.chdir(tmp_path)
+    # SQLite cannot open a folder either, nor a file on a file system that is read only.
+    (tmp_path / "a.sqlite3").mkdir()
+    monkeypatch.setenv("REHYB_DATABASE_URL", "sqlite:///a.sqlite3")
+    status, _, err = run(*command.split())
     assert (status, err) == (
         1,
-        "rehyb: the database cannot be used: unable to open database file\n",
+        f"rehyb: the database cannot be used: {tmp_path}/a.sqlite3: unable to open database file; "
+        "SQLite writes beside a file that it reads, too\n",
     )
+
+
+def test_of_a_copy_the_database_that_cannot_be_opened_is_named(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{tmp_path / 'a.sqlite3'}")
+    run("db", "upgrade")
+    status, _, err = run("db", "copy", f"sqlite:///{tmp_path}/none/b")
+    assert status == 1 and f"cannot be used: {tmp_path}/none/b: unable to open" in err
 
 
 @pytest.mark.parametrize("url", ["sqlite://", "sqlite:///:memory:"])
