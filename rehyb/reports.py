@@ -29,9 +29,12 @@ def report_studies(
         surrogates: also fit functions to the runs and show their indices.
 
     Raises:
-        Invalid: a study has no such output.
+        Invalid: a study has no such output, or a folder is none.
         RehybError: the coordinator does not know a study, or does not answer.
     """
+    for kind, folder in (folders or {}).items():
+        if folder.exists() and not folder.is_dir():
+            raise Invalid(f"{folder} is no folder; name one for the figures as {kind.upper()}")
     with ExitStack() as stack:
         studies = [stack.enter_context(study_with_results(client, study_id)) for study_id in ids]
         shown = output or studies[0][0]["outputs"][0]

@@ -28,3 +28,20 @@ def test_a_kept_study_whose_names_clash_is_refused_by_what_reads_its_table(tmp_p
     with pytest.raises(Invalid, match=told):
         write_bundle(client, "s1", tmp_path / "r.zip")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", ["png", "pdf"])
+def test_a_file_as_the_folder_of_figures_is_refused_by_what_is_wanted(
+    kind: str, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    told = f"file is no folder; name one for the figures as {kind.upper()}"
+    with pytest.raises(Invalid, match=told):
+        report_studies(
+            FinishedStudy().client(),
+            ["s1"],
+            tmp_path / "r.html",
+            output=None,
+            folders={kind: tmp_path / "file"},
+        )
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
