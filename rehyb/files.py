@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rehyb.client import Client, Json
-from rehyb.errors import Invalid, needs_extra
+from rehyb.errors import Invalid, RehybError, needs_extra
 from rehyb.whole_files import whole_file
 
 #: Formats by name, with the ending of their files.
@@ -52,8 +52,8 @@ def export(client: Client, study_id: str, out: Path | None, format: str) -> Path
 
     Raises:
         Invalid: there is no such format.
-        RehybError: the coordinator does not know the study or does not answer, or what the format
-            needs is not installed.
+        RehybError: the coordinator does not know the study or does not answer, what the format
+            needs is not installed, or the file cannot be written.
     """
     if format not in FORMATS:
         raise Invalid(f"there is no format {format!r}: take one of {', '.join(FORMATS)}")
@@ -62,7 +62,11 @@ def export(client: Client, study_id: str, out: Path | None, format: str) -> Path
         client.results_csv(study_id, path)
         return path
     with whole_file(path) as partial, study_with_results(client, study_id) as (study, results):
-        _write(partial, study, results, format)
+        try:
+            _write(partial, study, results, format)
+        except RuntimeError as error:
+            # The library of NetCDF says no more than "HDF error", of a full disk, too.
+            raise RehybError(f"{path} cannot be written ({error}): is there room?") from error
     return path
 
 

@@ -56,6 +56,24 @@ def test_a_format_that_cannot_be_written_is_one_sentence_and_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("coordinator")
+def test_netcdf_that_cannot_be_written_is_one_sentence_and_no_file(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """As on a full disk, of which its library does not tell."""
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("NetCDF: HDF error")
+
+    monkeypatch.setattr("analysis.files.netcdf.write_netcdf", fail)
+    assert run("study", "export", "s1", "--format", "netcdf") == (
+        1,
+        "",
+        "rehyb: s1.nc cannot be written (NetCDF: HDF error): is there room?\n",
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_bundle_is_written_checked_and_submitted_again(
     run: Run, coordinator: FinishedStudy, tmp_path: Path
 ) -> None:
