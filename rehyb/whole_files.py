@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
 from rehyb.errors import Invalid
@@ -23,7 +24,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
         raise Invalid(f"{path} is no regular file; name a file")
-    partial = target.with_name(target.name + ".partial")
+    # Of its own: two commands that write one file would else share it, and mix.
+    partial = target.with_name(f"{target.name}.{token_hex(4)}.partial")
     try:
         # What keeps it from being made is said before anything is computed for it.
         partial.open("wb").close()

@@ -41,6 +41,15 @@ def test_what_a_link_leads_to_is_written(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.partial"))
 
 
+def test_of_two_that_write_one_file_at_once_the_last_one_s_is_there_whole(tmp_path: Path) -> None:
+    """They shared what was not yet whole: an export had lines of two studies, and ended well."""
+    with whole_file(tmp_path / "x") as one, whole_file(tmp_path / "x") as other:
+        one.write_text("one")
+        other.write_text("other")
+    assert (tmp_path / "x").read_text() == "one"
+    assert [path.name for path in tmp_path.iterdir()] == ["x"]
+
+
 def test_an_error_names_the_file_that_was_meant_and_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     for name, cause in (("none/x", "No such file"), ("file/x", "Not a directory")):
