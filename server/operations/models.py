@@ -58,13 +58,19 @@ def announce(engine: Engine, description: Description, *, by: str, now: float) -
     """Store the description of a model whose code is with workers.
 
     Raises:
-        ConflictError: it must be uploaded, or its name is one of rehyb's own.
+        ConflictError: it must be uploaded, or its name is one of rehyb's own, or of an uploaded
+            model, which studies of that name mean.
     """
     if description.kind == Kind.MJCF:
         raise ConflictError("a model of kind mjcf is uploaded whole: send its zip file")
     model = _version(description, own=False, by=by, now=now)
     with writing(engine) as connection:
-        _check_name(connection, model)
+        known = _check_name(connection, model)
+        if known is not None and known.size:
+            raise ConflictError(
+                f"{model.name} is a model of kind {known.description.kind} that somebody uploaded: "
+                f"give this one of kind {description.kind} another name"
+            )
         models.put(connection, model)
     return model
 
@@ -107,7 +113,9 @@ def _version(
     )
 
 
-def _check_name(connection: Connection, model: ModelVersion) -> None:
+def _check_name(connection: Connection, model: ModelVersion) -> ModelVersion | None:
+    """Return the model that has this name so far, which may be none of rehyb's own."""
     known = models.find(connection, model.name)
     if known is not None and known.own:
         raise ConflictError(f"{model.name} is a model of rehyb's own: choose another name")
+    return known

@@ -256,6 +256,23 @@ def test_a_name_of_rehyb_and_a_model_that_is_not_there_are_refused(
     assert answer.json()["detail"].endswith("is added first (rehyb model add DIR)")
 
 
+def test_a_model_that_a_worker_has_does_not_take_the_name_of_an_uploaded_one(
+    client: TestClient, app: FastAPI, tmp_path: Path
+) -> None:
+    """Later studies of `pendulum` meant the worker's program."""
+    version = uploaded(client, packed(edited("pendulum", tmp_path))).json()
+    secret = tokens.create(app.state.engine, name="w", scopes=["work"], now=1.0)[1]
+    headers = {"Authorization": f"Bearer {secret}"}
+    refused = client.post("/v1/models", json=announced("pendulum"), headers=headers)
+    assert refused.status_code == 409
+    assert refused.json()["detail"] == (
+        "pendulum is a model of kind mjcf that somebody uploaded: give this one of kind command "
+        "another name"
+    )
+    assert submitted(client, "pendulum")["model"] == f"pendulum@{version['digest']}"
+    assert client.post("/v1/models", json=announced(), headers=headers).status_code == 201
+
+
 def test_names_that_clash_with_columns_of_results_are_refused_unless_they_were_kept(
     client: TestClient, app: FastAPI
 ) -> None:
