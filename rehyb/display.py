@@ -15,9 +15,14 @@ RANKED_BY = ("mu_star", "total_order", "shapley")
 ANY_WIDTH = 10_000
 
 
+def plain_console(**options: Any) -> Console:
+    """Return a console to which brackets and colons of a name are no markup, as `Console` does."""
+    return Console(markup=False, emoji=False, **options)
+
+
 def whole_console(*, stderr: bool = False) -> Console:
     """Return a console that cuts no number: a narrow terminal breaks lines, a pipe keeps them."""
-    return Console(stderr=stderr, soft_wrap=True, width=ANY_WIDTH)
+    return plain_console(stderr=stderr, soft_wrap=True, width=ANY_WIDTH)
 
 
 def plain_table(*columns: str, title: str | None = None, caption: str | None = None) -> Table:

@@ -108,17 +108,13 @@ def print_line(text: str, *, err: bool = False) -> None:
 
 def print_rows(columns: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> None:
     """Print what `rows` have under `columns`: a table, or where that is too wide lines."""
-    from rich.console import Console
-    from rich.text import Text
-
     from analysis.reports.wording import visible
-    from rehyb.display import ANY_WIDTH, plain_table
+    from rehyb.display import ANY_WIDTH, plain_console, plain_table
 
-    console = Console()
+    console = plain_console()
     table = plain_table(*columns)
     for row in rows:
-        # A name may have brackets, which are no markup.
-        table.add_row(*(Text(visible(str(row.get(column, "")))) for column in columns))
+        table.add_row(*(visible(str(row.get(column, ""))) for column in columns))
     if console.measure(table, options=console.options.update(width=ANY_WIDTH)).maximum <= (
         console.width
     ):
@@ -128,4 +124,4 @@ def print_rows(columns: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> N
     for row in rows:
         said = [f"{other} {row[other]}" for other in others if row.get(other, "") not in ("", None)]
         line = visible(f"{row[name]}: {', '.join(said)}")
-        console.print(line, markup=False, highlight=False)
+        console.print(line, highlight=False)

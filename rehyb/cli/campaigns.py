@@ -194,11 +194,10 @@ def _plan(
 
 def _display(stack: ExitStack, *, live: bool) -> "LiveDisplay | LineDisplay":
     """Return a display in place if stdout is a terminal, else one for a log."""
-    from rich.console import Console
-
     from rehyb.campaign.display import LineDisplay, LiveDisplay
+    from rehyb.display import plain_console
 
-    console = Console()
+    console = plain_console()
     if console.is_terminal and live:
         return stack.enter_context(LiveDisplay(console))
     return LineDisplay(sys.stderr)
@@ -211,7 +210,7 @@ def _ask(plan: Plan, display: "LiveDisplay | LineDisplay", proposed: Proposed) -
     with display.paused():
         console = whole_console(stderr=True)
         console.print(indices_table(proposed.snapshot, plan.output, "Phase 1"))
-        console.print(proposed.evidence, markup=False)
+        console.print(proposed.evidence)
         question = (
             f"Fix {proposed.factor} at {proposed.value} and go on? (yes, no, or the factor to fix "
             "instead): "

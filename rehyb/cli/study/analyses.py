@@ -66,11 +66,10 @@ def _print(found: Json) -> None:
         console.print(table)
     for name, measure in found["measures"].items():
         console.print(
-            f"{measure['symbol']} ({name}, {measure['rows']} rows) assumes: {measure['assumes']}.",
-            markup=False,
+            f"{measure['symbol']} ({name}, {measure['rows']} rows) assumes: {measure['assumes']}."
         )
     for remark in found["remarks"]:
-        console.print(remark, markup=False)
+        console.print(remark)
 
 
 def _cell(entry: Any) -> str:

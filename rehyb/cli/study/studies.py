@@ -279,14 +279,14 @@ def _print_indices(snapshot: Json, progress: Json, target: float | None) -> None
     behind = f"; the indices are of {seen} of them" if seen < complete else ""
     console.print(f"{complete} of {progress['rows']} rows are complete{behind}")
     if left := left_in_words(progress):
-        console.print(left, style="bold red", markup=False)
+        console.print(left, style="bold red")
     if alarm := warning(snapshot):
-        console.print(alarm, style="bold red", markup=False)
+        console.print(alarm, style="bold red")
 
     def remark(output: str) -> None:
         for sentence in remarks(snapshot, output, target):
             if sentence != alarm:
-                console.print(sentence, markup=False)
+                console.print(sentence)
 
     if snapshot["method"] == "sample":
         console.print(spread_table(snapshot))

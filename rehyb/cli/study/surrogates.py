@@ -50,4 +50,4 @@ def _print(found: Any, snapshot: Json) -> None:
     table.add_row("held out", *(f"{max(fit.held_out, 0.0):.1%} explained" for fit in fits.values()))
     console = whole_console()
     console.print(table)
-    console.print(found.sentence, markup=False)
+    console.print(found.sentence)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rehyb.display import plain_table, whole_console
+from rehyb.display import indices_table, pairs_table, plain_table, whole_console
 
 
 def test_a_table_is_not_cut_where_eighty_columns_are_too_few(
@@ -17,3 +17,19 @@ def test_a_table_is_not_cut_where_eighty_columns_are_too_few(
     lines = capsys.readouterr().out.splitlines()
     assert any(all(number in line for number in numbers) for line in lines)
     assert lines[0].rstrip() == "of stiffness_error"
+
+
+def test_brackets_and_colons_of_names_are_printed_as_they_are(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """`[m]` was missing, and `len [/b]` a traceback: names of a file's columns were markup."""
+    names = ("force [N]", "[red]x[/red]", "len [/b]", ":smile:")
+    none = {"value": None, "low": None, "high": None}
+    factors = {name: {"total_order": none, "n": 0} for name in names}
+    console = whole_console()
+    console.print(indices_table({"outputs": {"y [/]": {"factors": factors}}}, "y [/]", "y [/]"))
+    console.print(pairs_table([{"factors": names, "n": 0, **none}]))
+    console.print(plain_table(*names, title="y [/]", caption="[m]"))
+    said = capsys.readouterr().out
+    assert all(said.count(name) == 3 for name in names)
+    assert said.count("y [/]") == 2 and "[m]" in said
