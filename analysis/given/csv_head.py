@@ -5,12 +5,16 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import BinaryIO
 
 from analysis.given.cells import is_missing, is_number, on_one_line
 from analysis.given.refusals import GivenError
 
-#: So many bytes are enough to tell.
+#: So many bytes are enough to tell, or so many lines of the table if they are longer than that.
 START_BYTES = 1 << 16
+_LINES = 20
+#: No header is longer.
+_MOST_BYTES = 1 << 24
 #: Between columns, as programs write them; blanks where none of these is.
 _SEPARATORS = (",", ";", "\t", "|")
 BLANKS = r"\s+"
@@ -40,12 +44,39 @@ class CsvHead:
     before: int
 
 
+def whole_lines(name: str, start: bytes, file: BinaryIO) -> bytes:
+    """Return the start of a file, and more of it where its lines are long.
+
+    Args:
+        name: what sentences call the file.
+        start: its first `START_BYTES`.
+        file: what follows them.
+
+    Raises:
+        GivenError: its header is longer than any.
+    """
+    while len(start) < _MOST_BYTES and _lines_of_table(start) <= _LINES:
+        more = file.read(len(start))
+        if not more:
+            return start
+        start += more
+    if _lines_of_table(start) < 2:
+        raise GivenError(
+            f"its header is longer than {_MOST_BYTES >> 20} MB: keep fewer columns", file=name
+        )
+    return start
+
+
+def _lines_of_table(start: bytes) -> int:
+    return sum(bool(line.strip()) and not line.startswith(b"#") for line in start.splitlines())
+
+
 def read_head(file: str, start: bytes) -> CsvHead:
     """Return how a file begins.
 
     Args:
         file: what sentences call it.
-        start: its first `START_BYTES`.
+        start: its first lines, from `whole_lines`.
 
     Raises:
         GivenError: it has no table.
@@ -117,13 +148,13 @@ def _separator(lines: Sequence[str]) -> str:
     """Return what cuts the first lines into equally many cells, most of them; "," if nothing."""
     counted = {}
     for separator in _SEPARATORS:
-        records = list(csv.reader(lines[:20], delimiter=separator))
+        records = list(csv.reader(lines[:_LINES], delimiter=separator))
         counts = [len(cells) for cells in records if len(cells) > 1]
         if len(counts) >= len(records):
             usual, often = Counter(counts).most_common(1)[0]
             # Decimal commas may cut as evenly as semicolons do: what cuts the header cuts more.
             counted[separator] = (often == len(counts), separator != ",", usual)
     if not counted:
-        blank = [len(line.split()) for line in lines[:20]]
+        blank = [len(line.split()) for line in lines[:_LINES]]
         return BLANKS if Counter(blank).most_common(1)[0][0] == blank[0] > 1 else ","
     return max(counted, key=lambda separator: counted[separator])

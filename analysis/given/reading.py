@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given.cells import checked, column_numbers, on_one_line
-from analysis.given.csv_head import BLANKS, START_BYTES, UTF_16, CsvHead, read_head
+from analysis.given.csv_head import BLANKS, START_BYTES, UTF_16, CsvHead, read_head, whole_lines
 from analysis.given.refusals import GivenError, refuse_thousands, refuse_uneven
 
 if TYPE_CHECKING:
@@ -49,12 +49,13 @@ def read_sheet(path: Path) -> Sheet:
     """
     with path.open("rb") as file:
         start = file.read(START_BYTES)
-    if start.startswith(b"PAR1"):
-        return _parquet(path)
-    if not start.strip():
-        raise GivenError("it is empty", file=path.name)
-    if b"\0" in start and not start.startswith(UTF_16):
-        raise GivenError("it is neither CSV nor Parquet", file=path.name)
+        if start.startswith(b"PAR1"):
+            return _parquet(path)
+        if not start.strip():
+            raise GivenError("it is empty", file=path.name)
+        if b"\0" in start and not start.startswith(UTF_16):
+            raise GivenError("it is neither CSV nor Parquet", file=path.name)
+        start = whole_lines(path.name, start, file)
     return _csv(path, start)
 
 

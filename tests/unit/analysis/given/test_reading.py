@@ -281,3 +281,18 @@ def test_a_table_of_more_factors_and_outputs_than_can_be_waited_for_is_refused()
     with pytest.raises(GivenError, match=r"501 factors and 2 outputs, .* 1000 at most: name those"):
         choose(sheet, ["x0", "x1"])
     assert len(choose(sheet, ["x0", "x1"], names[2:-1]).factors) == MOST_PAIRS // 2
+
+
+def test_a_header_of_any_length_is_read_as_a_whole(tmp_path: Path) -> None:
+    """The name that 64 KB cut, `c10`, was said to be that of two columns."""
+    names = [f"c{number}" for number in range(12_000)]
+    path = tmp_path / "wide.csv"
+    path.write_text(f"{','.join(names)}\n" + f"{','.join('1' for _ in names)}\n" * 3)
+    assert read_sheet(path).columns == tuple(names)
+
+
+def test_a_header_longer_than_16_mb_is_refused_by_that(tmp_path: Path) -> None:
+    path = tmp_path / "wide.csv"
+    path.write_text(",".join(f"a_long_name_{number}" for number in range(1_000_000)))
+    with pytest.raises(GivenError, match=r"its header is longer than 16 MB: keep fewer columns"):
+        read_sheet(path)
