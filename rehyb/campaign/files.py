@@ -107,12 +107,12 @@ def load_manifest(directory: Path, plan: Plan) -> Json:
         {"plan", "phases": each with "key" and "study", "decision", "seconds"}.
 
     Raises:
-        CampaignError: the directory holds a campaign with a different plan.
+        CampaignError: the directory holds a campaign with a different plan, or a broken manifest.
     """
     path = directory / MANIFEST
     directory.mkdir(parents=True, exist_ok=True)
     if path.exists():
-        manifest: Json = json.loads(path.read_text())
+        manifest = _read(path)
         # A campaign that an earlier version began lacks what came later.
         later: Json = {"most_rows": None, "target": None, "fixed": {}, "ranges": "table_1"}
         later |= {"outside_range": False, "described": None}
@@ -132,3 +132,17 @@ def load_manifest(directory: Path, plan: Plan) -> Json:
     }
     write_json(path, manifest)
     return manifest
+
+
+def _read(manifest: Path) -> Json:
+    try:
+        found = json.loads(manifest.read_bytes())
+    except ValueError as error:
+        why = f"is no JSON ({error})"
+    else:
+        if isinstance(found, dict) and isinstance(found.get("plan", {}), dict):
+            return found
+        why = "is no manifest of a campaign"
+    raise CampaignError(
+        f"{manifest} {why}: restore it, or use another directory to begin the campaign anew"
+    )

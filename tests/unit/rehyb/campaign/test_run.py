@@ -163,6 +163,23 @@ def test_another_plan_in_the_same_directory_is_refused(tmp_path: Path) -> None:
         campaign(InstantCoordinator(), tmp_path, other)
 
 
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [(b"{", "is no JSON"), (b"\xff", "is no JSON"), (b"[]", "is no manifest of a campaign")],
+)
+def test_a_broken_manifest_is_named_with_what_to_do(
+    tmp_path: Path, content: bytes, why: str
+) -> None:
+    manifest = tmp_path / "campaign.json"
+    manifest.write_bytes(content)
+    with pytest.raises(CampaignError) as raised:
+        campaign(InstantCoordinator(), tmp_path)
+    said = str(raised.value)
+    assert said.startswith(f"{manifest} {why}")
+    assert said.endswith(": restore it, or use another directory to begin the campaign anew")
+    assert manifest.read_bytes() == content
+
+
 @pytest.mark.usefixtures("no_drawing")
 def test_a_coordinator_that_goes_away_is_waited_for_and_the_view_says_so(tmp_path: Path) -> None:
     coordinator = InstantCoordinator()
