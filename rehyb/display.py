@@ -91,17 +91,17 @@ def statistic(entry: Mapping[str, float | None] | None) -> str:
     if entry["low"] is None or entry["high"] is None:
         return f"{entry['value']:.3g}"
     value = entry["value"]
-    # Of a narrow interval two digits may leave the value outside.
-    low, high = (_bound(entry[end], 2) for end in ("low", "high"))
+    # Of a narrow interval two digits may leave the value outside; as many as it has never do.
+    low, high = (_bound(entry[end]) for end in ("low", "high"))
     if not float(low) <= float(f"{value:.3g}") <= float(high):
-        low, high = (_bound(entry[end], 3) for end in ("low", "high"))
+        low, high = (f"{entry[end]:.3g}" for end in ("low", "high"))
     return f"{value:.3g} [{low}, {high}]"
 
 
-def _bound(value: float | None, digits: int) -> str:
-    """Return a limit of an interval in two digits, all that eight blocks of rows give, or more."""
+def _bound(value: float | None) -> str:
+    """Return a limit of an interval in two digits, all that eight blocks of rows give."""
     assert value is not None
-    return f"{value:.{digits}g}" if abs(value) < 10.0 else f"{value:.0f}"
+    return f"{value:.2g}" if abs(value) < 10.0 else f"{value:.0f}"
 
 
 def indices_table(snapshot: Mapping[str, Any], output: str, title: str = "") -> Table:

@@ -1,6 +1,7 @@
 """What a campaign shows can be read at a glance."""
 
 import io
+import re
 from typing import Any
 
 import pytest
@@ -110,6 +111,16 @@ def test_an_index_is_shown_with_its_interval_as_soon_as_there_is_one(
     entry: dict[str, Any] | None, words: str
 ) -> None:
     assert statistic(entry) == words
+
+
+@pytest.mark.parametrize("value", [0.0188, 9.96, 18.8, 187.6, 1234.5, 1.88e9, -18.8])
+def test_no_value_is_shown_outside_of_its_interval(value: float) -> None:
+    """An index was `18.8 [19, 19]`."""
+    for half in (1e-6, 1e-3, 0.03, 0.5):
+        ends = sorted((value * (1.0 - half), value * (1.0 + half)))
+        middle, low, high = map(float, re.findall(r"[-+.\de]+", statistic(interval(value, *ends))))
+        assert low <= middle <= high
+    assert statistic(interval(18.8, 18.78, 18.83)) == "18.8 [18.8, 18.8]"
 
 
 def test_factors_are_listed_most_influential_first() -> None:
