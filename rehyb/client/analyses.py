@@ -10,7 +10,10 @@ class Analyses(Connection):
     """Indices from given samples."""
 
     def analyse(
-        self, table: Path, outputs: Sequence[str] = (), factors: Sequence[str] | None = None
+        self,
+        table: Path | str,
+        outputs: Sequence[str] = (),
+        factors: Sequence[str] | None = None,
     ) -> Json:
         """Return what a table's rows tell of its factors.
 
@@ -22,8 +25,9 @@ class Analyses(Connection):
         Raises:
             Invalid: it cannot be analysed; the message names column and line.
         """
-        params = {"name": table.name, "output": list(outputs), "factor": list(factors or ())}
-        with table.open("rb") as file:
+        path = Path(table)
+        params = {"name": path.name, "output": list(outputs), "factor": list(factors or ())}
+        with path.open("rb") as file:
             return self._post("/v1/analyses", content=file, params=params)
 
     def analyse_study(self, study_id: str, outputs: Sequence[str] = ()) -> Json:

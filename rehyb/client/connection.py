@@ -6,7 +6,7 @@ import os
 import re
 import ssl
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from http import HTTPStatus
 from math import inf
@@ -43,6 +43,8 @@ Headers = Mapping[str, str] | None
 
 #: `json.dumps` would make a new one for every body.
 _JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
+#: A place in a body is named to so many parts.
+_DEEPEST = 20
 #: Bodies longer than this are sent compressed.
 COMPRESS_BYTES = 50_000
 DEFAULT_URL = "http://127.0.0.1:8787"
@@ -150,7 +152,7 @@ class Connection:
             address = self._address(path)
             if body is None:
                 return self._ask(method, address, headers or {})
-            content = _JSON.encode(body).encode()
+            content = written(body)
             headers = {"Content-Type": "application/json", **(headers or {})}
             if len(content) > COMPRESS_BYTES:
                 content = gzip.compress(content, compresslevel=1)
@@ -262,6 +264,36 @@ class Connection:
         if not response.is_success:
             raise error_of(response)
         return body_of(response)
+
+
+def written(body: Mapping[str, Any]) -> bytes:
+    """Return a body as JSON; Invalid names the place of what JSON does not have."""
+    try:
+        return _JSON.encode(body).encode()
+    except (TypeError, ValueError) as error:
+        place = "".join(_faulty(body, _DEEPEST))
+        said = f"{place}: {error}" if place else str(error)
+        raise Invalid(f"the request cannot be written as JSON: {said}") from error
+
+
+def _faulty(body: Any, deep: int) -> Iterator[str]:
+    """Yield the parts of a pointer to the first value that cannot be written.
+
+    `deep`: to how many parts, since what is in itself has no end.
+    """
+    inner: Iterable[tuple[Any, Any]] = ()
+    if isinstance(body, dict):
+        inner = body.items()
+    elif isinstance(body, list | tuple):
+        inner = enumerate(body)
+    for key, value in inner:
+        try:
+            _JSON.encode(value)
+        except (TypeError, ValueError):
+            yield f"/{key}"
+            if deep > 1:
+                yield from _faulty(value, deep - 1)
+            return
 
 
 def path_of(place: str, its_id: str, *below: object) -> str:

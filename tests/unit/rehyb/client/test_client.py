@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx2
+import numpy as np
 import pytest
 
 from rehyb import (
@@ -138,6 +139,28 @@ def test_silence_says_what_to_start_or_set() -> None:
 def test_a_number_that_json_does_not_have_is_refused_before_it_is_sent() -> None:
     with pytest.raises(Invalid, match="cannot be written as JSON"):
         client(always(500)).submit({"fixed": {"x1": float("nan")}})
+
+
+@pytest.mark.parametrize(
+    ("study", "said"),
+    [
+        ({"rows": np.int64(64)}, "/rows: Object of type int64 is not JSON serializable"),
+        ({"fixed": {"x1": float("inf")}}, "/fixed/x1: Out of range float values are not JSON"),
+        ({"outputs": ["y", {"z"}]}, "/outputs/1: Object of type set is not JSON serializable"),
+        ({(1, 2): 3}, "keys must be str"),
+    ],
+)
+def test_what_json_does_not_have_is_refused_with_its_place(study: Any, said: str) -> None:
+    """A whole number of NumPy's was a TypeError, which no caller of a client expects."""
+    with pytest.raises(Invalid, match=f"cannot be written as JSON: {said}"):
+        client(always(500)).submit(study)
+
+
+def test_what_is_in_itself_is_refused_too() -> None:
+    study: dict[str, Any] = {"rows": 1}
+    study["fixed"] = study
+    with pytest.raises(Invalid, match="Circular reference"):
+        client(always(500)).submit(study)
 
 
 def test_no_work_is_none_and_says_when_to_ask_again() -> None:

@@ -168,7 +168,7 @@ def test_a_download_writes_the_answer(
         (lambda c, p: c.upload_session(p, "b"), "/v1/sessions?name=b", "application/zip"),
         (lambda c, p: c.analyse(p), "/v1/analyses?name=a.zip", None),
         (
-            lambda c, p: c.analyse(p, ["y", "z"], ["x"]),
+            lambda c, p: c.analyse(str(p), ["y", "z"], ["x"]),
             "/v1/analyses?name=a.zip&output=y&output=z&factor=x",
             None,
         ),
