@@ -22,6 +22,8 @@ from server.operations.fleet import leases
 from server.operations.study.result_log import StoreResultLog
 from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, is_problem, posting, result
 
+JSON = {"Content-Type": "application/json"}
+
 
 @pytest.fixture
 def study(client: TestClient) -> Json:
@@ -179,6 +181,17 @@ def test_one_refusal_makes_it_409_but_the_good_ones_are_taken(
     assert [v["verdict"] for v in verdicts] == ["invalid", "accepted", "unknown", *["invalid"] * 4]
     assert all(v["detail"] for v in verdicts if v["verdict"] != "accepted")
     assert client.get(f"/v1/studies/{study['id']}/progress").json()["ok"] == 1
+
+
+def test_a_result_in_which_a_key_comes_twice_is_refused(client: TestClient, lease: Json) -> None:
+    """Of `{"y": 1.0, "y": 2.0}` the last was taken; studies refuse such JSON."""
+    whole = json.dumps(posting(lease, [result(lease["instances"][0])]))
+    assert '"outputs": {"y": ' in whole
+    body = whole.replace('"outputs": {"y": ', '"outputs": {"y": 1.0, "y": ')
+    answer = client.post("/v1/results", content=body, headers=JSON)
+    is_problem(answer, 422)
+    assert "the key 'y' comes twice in an object: leave out one" in answer.text
+    assert client.post("/v1/results", content=whole, headers=JSON).status_code == 200
 
 
 def test_half_a_character_and_an_unknown_key_spoil_no_other_result(
