@@ -69,10 +69,11 @@ class Places:
             left_out: is told of each folder that cannot be used, as long as another can.
 
         Raises:
-            NoModelError: one of them cannot be used, or none of the folders.
+            NoModelError: one of them cannot be used, or none of the folders; an address is none.
         """
         faults: list[str] = []
         try:
+            _check_addresses(servers)
             found = list(folders_in(folders))
         except ModelError as error:
             raise NoModelError(str(error)) from None
@@ -204,6 +205,14 @@ def described(name: str) -> Description:
         lines = ran.stderr.strip().splitlines() or [f"exit status {ran.returncode}"]
         raise NoModelError(lines[-1])
     return Description.from_json(json.loads(ran.stdout))
+
+
+def _check_addresses(servers: Sequence[str]) -> None:
+    if servers:
+        from models.umbridge.client import check_address
+
+        for url in servers:
+            check_address(url)
 
 
 def _server_of(folder: ModelFolder, servers: Sequence[str]) -> str:

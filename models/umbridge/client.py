@@ -25,6 +25,21 @@ class ServerAwayError(ModelError):
     """Nothing answers where a server was."""
 
 
+def check_address(url: str) -> None:
+    """Raise a ModelError unless there can be a server at `url`."""
+    try:
+        address = httpx2.URL(url)
+        is_one = address.scheme in ("http", "https") and bool(address.host)
+    except (httpx2.InvalidURL, UnicodeError):
+        is_one = False
+    if not is_one:
+        raise ModelError(
+            "is no address of an UM-Bridge server: it begins with http:// or https://, and a host "
+            "follows",
+            file=f"--umbridge {url[:80]}",
+        )
+
+
 def answers(url: str) -> bool:
     """Say whether something at a server's URL takes a connection now."""
     try:
@@ -39,10 +54,11 @@ class Server:
 
     Raises:
         ServerAwayError: nothing answers at `url`.
-        ModelError: there is none, or it speaks another version.
+        ModelError: `url` is no address, there is no server, or it speaks another version.
     """
 
     def __init__(self, url: str) -> None:
+        check_address(url)
         self.url = url.rstrip("/")
         # A server of models stands beside the worker; a proxy would not know it.
         self._http = httpx2.Client(timeout=ASK_SECONDS, trust_env=False)

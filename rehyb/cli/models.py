@@ -11,7 +11,7 @@ import typer
 from rehyb.cli.answers import Answer, answering, print_line, print_rows
 from rehyb.cli.options import interruptible
 from rehyb.client import Client, Json
-from rehyb.errors import Invalid, refusing
+from rehyb.errors import Invalid, RehybError, refusing
 
 if TYPE_CHECKING:
     from models.description import Description
@@ -187,12 +187,19 @@ def serve(
         description, place = _served(one)
         described[description.name], places[description.name] = description, place
     with EvaluationQueue(processes or available_cores(), CHECK_SECONDS) as queue:
-        server = bound(
-            described,
-            lambda name, parameters: queue.evaluate(name, places[name], parameters),
-            host,
-            port,
-        )
+        try:
+            server = bound(
+                described,
+                lambda name, parameters: queue.evaluate(name, places[name], parameters),
+                host,
+                port,
+            )
+        except (OSError, UnicodeError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise RehybError(
+                f"nobody can listen on port {port} of {host} ({why}): stop what listens "
+                "there, or give another --port (0: any that is free) or --host"
+            ) from None
         address, taken = server.server_address[:2]
         typer.echo(f"http://{address!s}:{taken} serves {', '.join(described)}; Ctrl-C stops it.")
         with interruptible(), server:

@@ -96,6 +96,19 @@ def test_a_lifetime_that_cannot_be_is_one_sentence(
     assert said.startswith(f"rehyb-worker: {words}")
 
 
+@pytest.mark.parametrize("url", ["nonsense", "ftp://host", "http://", "http://host:port"])
+def test_an_umbridge_server_at_no_address_is_refused_at_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], url: str
+) -> None:
+    monkeypatch.setenv("REHYB_TOKEN", "t")
+    status, said = run(monkeypatch, capsys, "--umbridge", url, "--max-idle", "1")
+    assert status == 1
+    assert said.splitlines()[-1] == (
+        f"rehyb-worker: --umbridge {url}: is no address of an UM-Bridge server: it begins with "
+        "http:// or https://, and a host follows"
+    )
+
+
 def test_with_a_lifetime_none_of_its_connections_waits_beyond_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

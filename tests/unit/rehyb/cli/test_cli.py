@@ -1,6 +1,7 @@
 """The command says in one sentence what is wrong, and by its exit status whose fault it is."""
 
 import json
+import socket
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
@@ -322,3 +323,24 @@ def test_json_nested_without_end_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "deep.json").write_text("[" * 100_000)
     with pytest.raises(typer.BadParameter, match=r"deep\.json is nested too deeply"):
         read_json(str(tmp_path / "deep.json"))
+
+
+def test_a_port_that_somebody_has_is_named_with_what_to_do(run: Run) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        asked = (
+            "umbridge",
+            "serve",
+            "--model",
+            "ishigami",
+            "--processes",
+            "1",
+            "--port",
+            str(port),
+        )
+        status, _, said = run(*asked)
+    assert status == 1
+    assert said == (
+        f"rehyb: nobody can listen on port {port} of 127.0.0.1 (Address already in use): stop what "
+        "listens there, or give another --port (0: any that is free) or --host\n"
+    )
