@@ -173,6 +173,20 @@ class TruncatedNormal(Distribution):
     low: float
     high: float
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.low <= self.mean <= self.high:
+            return
+        # So far out that all is at one number, doubles cannot tell at which end of the range.
+        with np.errstate(all="ignore"):
+            rise = np.diff(self.ppf([_TAIL, 0.5, 1.0 - _TAIL]))
+        if not np.all(rise > 0.0):
+            raise ValueError(
+                f"a {self.kind} distribution of mean {self.mean:g} and sd {self.sd:g} has no mass "
+                f"from {self.low:g} to {self.high:g} that numbers can tell: choose a range nearer "
+                "to the mean, or a larger sd"
+            )
+
     def quantiles(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         a, b = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
         # In logarithms, and below the mean: far out in a tail nothing else is left of a quantile.

@@ -80,6 +80,19 @@ def test_a_far_tail_of_a_normal_is_still_a_distribution() -> None:
     assert np.all((x > 20.0) & (x < 21.0))
 
 
+@pytest.mark.parametrize("mean", [-1e100, -1e17, -1e9, 1e9, 1e100])
+@pytest.mark.parametrize("sd", [1.0, 1e-250])
+def test_a_truncation_without_mass_that_numbers_can_tell_is_refused(mean: float, sd: float) -> None:
+    """Below a mean of -1e100 every draw was 2, the end that is further off."""
+    with pytest.raises(ValueError, match=r"has no mass from 1 to 2 that numbers can tell: choose"):
+        TruncatedNormal(mean=mean, sd=sd, low=1.0, high=2.0)
+
+
+def test_a_narrow_normal_within_its_range_is_none_without_mass() -> None:
+    narrow = TruncatedNormal(mean=1e9, sd=1e-8, low=1e9 - 1.0, high=1e9 + 1.0)
+    assert narrow.ppf(0.5) == 1e9
+
+
 def test_whole_numbers_are_read_as_numbers() -> None:
     assert Distribution.from_json({"kind": "uniform", "low": 0, "high": 2}).ppf(0.5) == 1.0
 
