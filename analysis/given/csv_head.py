@@ -2,6 +2,7 @@
 
 import csv
 import re
+from codecs import getincrementaldecoder
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -122,9 +123,8 @@ def _decoded(start: bytes) -> tuple[str, str]:
     encoding = "utf-16" if start.startswith(UTF_16) else "utf-8-sig"
     try:
         # The last character may be cut in two.
-        return encoding, start.decode(
-            encoding, errors="strict" if len(start) < START_BYTES else "ignore"
-        )
+        decoder = getincrementaldecoder(encoding)()
+        return encoding, decoder.decode(start, final=len(start) < START_BYTES)
     except UnicodeDecodeError:
         return "latin-1", start.decode("latin-1")
 

@@ -291,6 +291,14 @@ def test_a_header_of_any_length_is_read_as_a_whole(tmp_path: Path) -> None:
     assert read_sheet(path).columns == tuple(names)
 
 
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8"])
+def test_a_long_table_keeps_the_letters_of_its_names(tmp_path: Path, encoding: str) -> None:
+    """Of 64 KB and more in Latin-1 `Größe` became `Gre`."""
+    path = tmp_path / "long.csv"
+    path.write_bytes("Größe,y\n".encode(encoding) + b"1.25,2.5\n" * 10_000)
+    assert read_sheet(path).columns == ("Größe", "y")
+
+
 def test_a_header_longer_than_16_mb_is_refused_by_that(tmp_path: Path) -> None:
     path = tmp_path / "wide.csv"
     path.write_text(",".join(f"a_long_name_{number}" for number in range(1_000_000)))
