@@ -129,7 +129,7 @@ def _stands(
 
 def _held(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
     """Take out what does not stand, and say why."""
-    grown = with_plain_law(with_wound_laws(grown, rows), rows)
+    grown = with_wound_laws(with_plain_law(grown, rows), rows)
     grown, refusals = held_in_octaves(grown, rows)
     grown, driving = passive(grown, rows)
     grown, unsure = determined(in_plainest_form(grown, rows), rows)
