@@ -28,7 +28,8 @@ from analysis.closeloop.identification.findings import Grown, Option, Step, Trac
 from analysis.closeloop.identification.friction.at_turns import with_peak_at_turns
 from analysis.closeloop.identification.friction.breakaway import with_breakaway
 from analysis.closeloop.identification.friction.excess import with_settled_excess
-from analysis.closeloop.identification.growing.friction_laws import with_plain_law, with_wound_laws
+from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
+from analysis.closeloop.identification.growing.plain_law import with_plain_law
 from analysis.closeloop.identification.growing.slid import grown_slid
 from analysis.closeloop.identification.growing.starts import regrown
 from analysis.closeloop.identification.growing.steps import grow

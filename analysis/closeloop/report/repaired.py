@@ -6,7 +6,6 @@ from typing import Any
 import mujoco
 
 from analysis.closeloop.contract import Verdict
-from analysis.closeloop.report.named import BASE, where
 from analysis.closeloop.session.device import Device
 from models.mjcf.compiling import compiled
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
@@ -51,22 +50,23 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
             elements.append("body/inertial")
             continue
         values = {name: entry["value"] for name, entry in effect["parameters"].items()}
-        if where(effect) == BASE:
+        if effect.get("mujoco_element") == TurnedGravity.element:
+            # Of the base, and of no joint.
             elements.append(TurnedGravity().add(spec, effect["joint"], values))
             continue
         name = effect["name"]
         # An effect that was fitted beside others makes up the error with them, known or not.
         unknown = [key for key, value in values.items() if value is None]
         values |= {key: effect["parameters"][key].get("fitted") for key in unknown}
-        here = f"{name} of {effect['joint']}: {ALL}"
+        where = f"{name} of {effect['joint']}: {ALL}"
         if unknown and None not in values.values():
-            warnings.append(f"model_after.xml has the fitted values of {here}")
+            warnings.append(f"model_after.xml has the fitted values of {where}")
         elif unknown:
             if COULOMB not in BY_NAME[name].includes or values.get("torque") is None:
                 elements.append("none: not every parameter is determined")
-                warnings.append(f"model_after.xml lacks {here}")
+                warnings.append(f"model_after.xml lacks {where}")
                 continue
-            warnings.append(f"model_after.xml has {COULOMB} instead of {here}")
+            warnings.append(f"model_after.xml has {COULOMB} instead of {where}")
             name, values = COULOMB, {"torque": values["torque"]}
         spec, element, lacking = _with_effect(spec, name, effect["joint"], values)
         elements.append(element or "none: described in the report only")

@@ -29,14 +29,12 @@ from analysis.closeloop.identification.balance.model import (
 )
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
 from analysis.closeloop.identification.balance.terms import Candidate, kept_columns
-from analysis.closeloop.identification.candidates import has_ground, tried_alone
+from analysis.closeloop.identification.candidates import has_ground
 from analysis.closeloop.identification.findings import Grown, Option, Step
-from analysis.closeloop.identification.friction.plain_friction import predicts_better
-from analysis.closeloop.identification.growing.steps import settled_beside
 from analysis.closeloop.identification.nameable import beyond_physics, with_law
 from analysis.closeloop.identification.presliding import TURNS, winding_freely
 from analysis.closeloop.session.signals import rms
-from sim.effects.catalogue import BY_NAME, EFFECTS
+from sim.effects.catalogue import EFFECTS
 from sim.effects.motion import RecordedJoint
 
 
@@ -58,34 +56,6 @@ def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
         )
         if len(sliding) == 1 and not declared:
             grown = _chosen_again(grown, rest, sliding[0], own, rows)
-    return grown
-
-
-def with_plain_law(grown: Grown, rows: Rows) -> Grown:
-    """Return what was found, with Coulomb friction for a richer law that nothing misses.
-
-    What is beside it is chosen anew: before a reflex had its name, an asymmetry stood for it, and
-    the reflex was then what that left. (A stranger's.)
-    """
-    for step in grown.steps if len(grown.steps) > 1 else ():
-        candidate = step.taken.candidate
-        plain = Candidate(effect=BY_NAME["coulomb_friction"], joint=candidate.joint)
-        rest = grown.model.without(candidate)
-        # What winds up is missed where the joint turns, and stands out there as pushes.
-        law = candidate.effect.rubs and not candidate.effect.winds
-        if not (law and candidate.includes(plain)):
-            continue
-        if (begun := tried_alone(rest, rows, plain)) is None:
-            continue
-        model, score = settled_beside(begun[0], rows, plain)
-        if predicts_better(model, grown.model, plain.joint, rows):
-            continue
-        gain, error = compare(evaluate(rest, rows).losses, score.losses)
-        taken = replace(
-            step.taken, candidate=plain, model=model, score=score, gain=gain, z=gain / error
-        )
-        again = replace(step, taken=taken, equals=())
-        grown = Grown(model, score, tuple(again if s is step else s for s in grown.steps))
     return grown
 
 

@@ -9,7 +9,8 @@ from analysis.closeloop.identification.balance.model import Model, evaluate, unf
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
 from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.findings import Grown, Option, Step
-from analysis.closeloop.identification.growing.friction_laws import with_plain_law, with_wound_laws
+from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
+from analysis.closeloop.identification.growing.plain_law import with_plain_law
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import PRESLIDING_SHARE
