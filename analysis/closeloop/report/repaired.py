@@ -50,14 +50,14 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
             elements.append("body/inertial")
             continue
         values = {name: entry["value"] for name, entry in effect["parameters"].items()}
-        if effect.get("mujoco_element") == TurnedGravity.element:
-            # Of the base, and of no joint.
-            elements.append(TurnedGravity().add(spec, effect["joint"], values))
-            continue
         name = effect["name"]
         # An effect that was fitted beside others makes up the error with them, known or not.
         unknown = [key for key, value in values.items() if value is None]
         values |= {key: effect["parameters"][key].get("fitted") for key in unknown}
+        if effect.get("mujoco_element") == TurnedGravity.element:
+            # Of the base, and of no joint.
+            elements.append(TurnedGravity().add(spec, effect["joint"], values))
+            continue
         where = f"{name} of {effect['joint']}: {ALL}"
         if unknown and None not in values.values():
             warnings.append(f"model_after.xml has the fitted values of {where}")

@@ -361,7 +361,9 @@ class TurnedGravity(GravityTorque):
         return {number: recording.weight(number) for number in recording.joints}
 
     def add(self, spec: "mujoco.MjSpec", joint: str, parameters: Values) -> str:
-        spec.option.gravity = spec.option.gravity + [parameters[name] for name in self.parameters]
+        # A way that no joint feels may be any, as of joints with parallel axes.
+        further = [parameters.get(name) or 0.0 for name in self.parameters]
+        spec.option.gravity = spec.option.gravity + further
         return self.element
 
 

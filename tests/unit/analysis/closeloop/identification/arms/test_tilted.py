@@ -63,6 +63,9 @@ def test_the_repaired_model_has_the_gravity_that_was_found() -> None:
     values = dict(zip(TURNED.parameters, ASKEW.tolist(), strict=True))
     assert TURNED.add(spec, "a", values) == TURNED.element
     assert spec.compile().opt.gravity == pytest.approx(ASKEW - [0.0, 0.0, 9.81])
+    del values["gravity_y"]
+    assert TURNED.add(spec, "a", {**values, "gravity_z": None}) == TURNED.element
+    assert spec.compile().opt.gravity == pytest.approx([2.0 * ASKEW[0], 0.0, ASKEW[2] - 9.81])
     entry = {"name": TURNED.name, "joint": "a", "mujoco_element": TURNED.element}
     assert where(entry) == "the base"
     assert where({**entry, "mujoco_element": "applied torque"}) == "a"
