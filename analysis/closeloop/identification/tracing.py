@@ -204,7 +204,10 @@ def _with_rests(found: Trace) -> Trace:
     # Where rests are elsewhere in every trial, as after a sensor's zero was set anew, they take the
     # model away from what it predicted. (A stranger's: K came out below none.)
     again = Grown(found.model, evaluate(found.model, rows), found.steps)
+    # Of an arm's wrong zero they may show that it can be any. (A Sawyer's, -0.5 +- 1.2 rad.)
+    again, unsure = determined(again, rows)
     again, worse = not_worse(again, found.declared, rows)
+    worse = (*unsure, *worse)
     if found.steps and not again.steps:
         return found.without_names(f"fitted to the rests, too, {'; '.join(worse)}")
     return replace(

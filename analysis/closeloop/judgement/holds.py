@@ -22,6 +22,8 @@ SHORTEST = 0.08
 FLANK, PEAK = 2.5, 8.0
 #: ... its peak over the Coulomb friction that the joint's motion shows.
 STICTION = 3.0
+#: What Coulomb friction changes by where a joint turns around, over it.
+BOTH_SIDES = 2.0
 #: ... and over the noise of single samples; where the joint hardly moves by itself, over what is
 #: left of it in the fit's band: what a fit to its motion leaves of an excursion is more than noise,
 #: and so is the stiction of a joint that never moves, which nothing shows the size of. (That share
@@ -91,10 +93,10 @@ def rest_events(
             short = (run.stop - run.start) / recording.rate <= SHORTEST
             if short or _driven(away[run], speed, beyond[run]):
                 continue
-            # Friction may be all of it where the joint rests; a little way against its motor it
-            # moves nothing.
+            # Friction may be all of it where the joint rests, and is more at rest; of one that is
+            # moved a little way it only goes from one side to the other.
             pushed = MOVING < np.ptp(away[run]) < SHORT * travel
-            rubbing = (1.0 if pushed else STICTION) * friction
+            rubbing = (BOTH_SIDES if pushed else STICTION) * friction
             top = run.start + int(np.argmax(np.abs(beyond[run])))
             if abs(beyond[top]) <= max(least, rubbing, excused[samples[top]]):
                 continue

@@ -277,10 +277,12 @@ def _swings(
     # Joints are weighed by what is left of them.
     weight = good / np.maximum(np.sqrt(np.mean(left**2, axis=0, where=good)), 1e-300)
     left = np.where(good, left, 0.0) * weight
-    power, smooth_power = ((x[..., 1:] ** 2).sum(axis=1) for x in (felt, smooth))
+    power = (felt[..., 1:] ** 2).sum(axis=1)
+    # What faded where samples were lost no sample shows: it came out as any size. (A stranger's.)
+    seen = [(good[..., None] * x[..., 1:] ** 2).sum(axis=1) for x in (felt, smooth)]
     for piece in recording.slices:
         inside = slice(piece.start + recording.edge, piece.stop - recording.edge)
-        part = np.minimum(power[inside].sum(axis=0), smooth_power[inside].sum(axis=0))
+        part = np.minimum(*(x[inside].sum(axis=0) for x in seen))
         shown = 1 + np.flatnonzero(part > FADED**2 * power[piece].sum(axis=0))
         if np.count_nonzero(good[inside]) > len(shown) > 0:
             ways = (smooth[inside][..., shown] * weight[inside, :, None]).reshape(-1, len(shown))

@@ -89,12 +89,13 @@ def known_friction(model: Model, rows: Rows, residual: np.ndarray) -> np.ndarray
 def unknown_friction(model: Model, rows: Rows, joint: int) -> np.ndarray:
     """Return how much of a joint's friction no motion shows, Nm or N, low-passed, (n,).
 
-    Its own where it turns, and that of motors which turn with it and another joint where they do.
+    Its own where it turns, and that of motors which turn with it and another joint where they do;
+    when its effort has it: a delay moves it. (Four of a stranger's sticks were told as pushes.)
     """
     found = friction_of(model, rows, joint) * sticking(rows.recording, joint)
     for friction, motor in coupled_motors(model, rows, joint):
         found += friction * motor_sticking(rows.recording, motor)
-    return found
+    return np.abs(model.transformed({joint: found[:, None]})[joint][:, 0])
 
 
 def sticking(recording: Recording, joint: int) -> np.ndarray:

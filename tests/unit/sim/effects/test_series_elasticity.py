@@ -170,3 +170,20 @@ def test_a_swing_that_is_over_before_it_shows_is_not_fitted(recording: Recording
             for estimate in (still, loud)
         )
         assert np.allclose(one, other) == same
+
+
+def test_a_swing_that_is_over_before_any_sample_counts_is_not_fitted(recording: Recording) -> None:
+    """Where the first seconds were lost it came out as 10^19 Nm, which no fit saw."""
+    joint = unfitted(recording, ELBOW)
+    noise = np.random.default_rng(0).standard_normal(recording.position.shape)
+    estimate = replace(joint.estimate, residual=recording.filtered(noise))
+    theta = {"resonance": 8.0, "damping_ratio": 0.1}
+    disturbed = np.zeros(recording.position.shape, dtype=bool)
+    for piece in recording.slices:
+        disturbed[piece.start : piece.start + int(2.0 * recording.rate)] = True
+    lost = replace(recording, disturbed=disturbed, cache={})
+    size = [
+        np.abs(ELASTIC.columns(replace(own, estimate=estimate), theta)[ELBOW]).max()
+        for own in (joint, replace(joint, recording=lost))
+    ]
+    assert size[1] <= size[0]

@@ -1,6 +1,6 @@
 """What nothing stands of is looked for once more, without what fell."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -66,11 +66,14 @@ def test_only_where_nothing_stands_is_all_grown_again_without_what_fell(
     assert np.isfinite(found.score.loss)
 
 
-@pytest.mark.parametrize("stands", [True, False])
+@pytest.mark.parametrize("fails", [None, "not_worse", "determined"])
 def test_a_name_has_to_stand_with_the_rests_fitted_too(
-    recording: Recording, rows: Rows, monkeypatch: pytest.MonkeyPatch, *, stands: bool
+    recording: Recording, rows: Rows, monkeypatch: pytest.MonkeyPatch, fails: str | None
 ) -> None:
-    """A sensor whose zero was set anew before each trial had relaxing tissue, and K below none."""
+    """A sensor whose zero was set anew before each trial had relaxing tissue, and K below none.
+
+    A robot's wrong zero was -0.5 rad, with an interval from -1.7 to 0.7 once its rests were fitted.
+    """
     begun = grown(recording, rows, [STANDS])
     beyond = explainable(begun.model, rows)
     found = Trace(
@@ -84,10 +87,14 @@ def test_a_name_has_to_stand_with_the_rests_fitted_too(
         explainable_before=beyond,
         explainable_after=beyond,
     )
-    if not stands:
-        fallen = Grown(begun.model, begun.score), ("it is worse",)
-        monkeypatch.setattr(tracing, "not_worse", lambda *_: fallen)
+
+    def judge(name: str) -> Callable[..., tuple[Grown, tuple[str, ...]]]:
+        fallen = Grown(begun.model, begun.score), (f"{name} says so",)
+        return lambda given, *_: fallen if name == fails else (given, ())
+
+    for name in ("not_worse", "determined"):
+        monkeypatch.setattr(tracing, name, judge(name))
     again = tracing._with_rests(found)
-    assert again.verdict == (Verdict.EFFECT_FOUND if stands else Verdict.UNEXPLAINED)
-    assert again.steps == (begun.steps if stands else ())
-    assert again.notes == (() if stands else ("fitted to the rests, too, it is worse",))
+    assert again.verdict == (Verdict.UNEXPLAINED if fails else Verdict.EFFECT_FOUND)
+    assert again.steps == (() if fails else begun.steps)
+    assert again.notes == ((f"fitted to the rests, too, {fails} says so",) if fails else ())

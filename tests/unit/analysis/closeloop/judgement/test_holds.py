@@ -11,12 +11,15 @@ from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.judgement.events import find_events, spared
+from analysis.closeloop.judgement.holds import rest_events
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import holds
 from analysis.closeloop.session.signals import last_digit
 from analysis.closeloop.signs import check_signs
 from tests.testbed.sessions.held import NOISE, RATE, TIME, bump, holding, with_effort
 from tests.testbed.sessions.moved import moved
+
+FRICTION = 0.8  # Nm
 
 
 def test_a_push_that_moves_a_held_joint_is_found_with_its_time(recording: Recording) -> None:
@@ -83,6 +86,19 @@ def test_friction_of_a_joint_that_only_moves_out_and_back_is_no_push(recording: 
     rubbing = 0.8 * np.tanh(np.gradient(away, TIME) / 0.02)
     driven = with_effort(driven, driven.rigid[:, 1] + rubbing + noise)
     assert find_events(Model(driven), driven) == ()
+
+
+@pytest.mark.parametrize(("share", "pushes"), [(1.7, 0), (2.6, 1)])
+def test_friction_that_goes_from_one_side_to_the_other_is_no_push(
+    recording: Recording, share: float, pushes: int
+) -> None:
+    """It creeps while its motor turns friction over: a step of twice its size."""
+    still = np.zeros(len(TIME))
+    held = holding(recording, 0.02 * bump(12.0, 0.8), still, sag=0.6)
+    beyond = held.effort[:, 1] - share * FRICTION * bump(12.0, 0.8)
+    pushed = replace(held, effort=np.column_stack([held.effort[:, 0], beyond]), joints=(1,))
+    found = rest_events(replace(pushed, cache={}), 1, FRICTION, None, 0.0, [])
+    assert len(list(found)) == pushes
 
 
 def test_a_joint_that_goes_to_another_place_is_not_held(recording: Recording) -> None:

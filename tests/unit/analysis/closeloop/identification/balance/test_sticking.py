@@ -7,8 +7,13 @@ import pytest
 
 from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from analysis.closeloop.identification.balance.sticking import friction_of, sliding, sticking
-from analysis.closeloop.identification.balance.terms import Term
+from analysis.closeloop.identification.balance.sticking import (
+    friction_of,
+    sliding,
+    sticking,
+    unknown_friction,
+)
+from analysis.closeloop.identification.balance.terms import Candidate, Channel, Term
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.moved import moved
@@ -59,6 +64,24 @@ def test_a_reversal_is_felt_as_long_as_the_low_pass_rings(recording: Recording) 
     period = round(slow.rate / slow.sampling.fit_cutoff)
     assert 0.3 < reach[turn] < 1.3
     assert reach[turn + 6 * period] < 1e-3 < reach[turn + 2 * period]
+
+
+def test_an_effort_that_is_early_has_unknown_friction_early(recording: Recording) -> None:
+    """Behind a delay the effort of a reversal comes before it: four sticks were told as pushes."""
+    slow, delay = rubbing(recording), 0.2
+    late = Candidate(effect=BY_NAME["time_delay"], joint=ELBOW)
+    rows = select_rows(slow, slow.fit_trials)
+    plain, early = (
+        unknown_friction(model, rows, ELBOW)
+        for model in (
+            Model(slow),
+            Model(slow, channels=(Channel(candidate=late, theta={"delay": delay}),)),
+        )
+    )
+    steps = round(delay * RATE)
+    shared = slice(steps, len(TIME) - 2 * steps)
+    moved_on = np.roll(plain, -steps)[shared] * early.max() / plain.max()
+    np.testing.assert_allclose(early[shared], moved_on, atol=0.02 * early.max())
 
 
 def test_rows_around_reversals_go_where_many_times_the_noise_is_left(
