@@ -21,9 +21,10 @@ from analysis.closeloop.report.parameters import (
 from analysis.closeloop.report.separating import separating_trial
 from analysis.closeloop.report.shared import MASSLESS, link_parameters
 from analysis.closeloop.session.recording import Recording
+from analysis.closeloop.session.runs import TRAVEL
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.effect import ROUNDING
-from sim.effects.laws.coupling import CoupledMotor
+from sim.effects.laws.coupling import CoupledMotor, CrossJointCoupling
 from sim.effects.laws.drive import PositionOffset
 from sim.effects.laws.inertia import PLACE, GravityTorque, TurnedGravity
 
@@ -41,6 +42,8 @@ LINKS, BASE = "the links", "the base"
 #: What tells a wrong zero from a base that stands askew.
 LEVEL = "put a level on the base, since no movement tells it from gravity along another way"
 ASKEW = "it seems to stand askew; put a level on the base"
+#: What tells a coupling from wrong links beyond a joint that was only held.
+ITSELF = "move this joint by itself, both ways, with the others at rest"
 #: Parameters of further gravity along the axes of the world.
 FURTHER_GRAVITY = tuple(GravityTorque.parameters)
 #: A fitted model under another name, with the step that has it, its coefficients and its refits.
@@ -66,6 +69,8 @@ def effect_entries(found: Trace) -> list[dict[str, Any]]:
         trial = separating_trial(recording, joint, effect)
         if effect.name == PositionOffset.name and turns_all(recording, joint):
             others, trial = with_tilt(others, trial)
+        if effect.name == CrossJointCoupling.name and only_held(recording, joint):
+            others, trial = [*others, LINK_INERTIA], ITSELF
         others = [name for name in dict.fromkeys(others) if name != effect.name]
         entries.append(
             {
@@ -119,6 +124,14 @@ def turns_all(recording: Recording, joint: int) -> bool:
     body = model.body(recording.body(joint))
     on_base = model.body_weldid[model.body_parentid[body.id]] == 0
     return bool(on_base and model.body_jntnum[body.id] == 1 and recording.is_hinge(joint))
+
+
+def only_held(recording: Recording, joint: int) -> bool:
+    """Whether a robot's joint never moves: what others do to it wrong links beyond it do, too.
+
+    (A stranger's arm of seven joints moved two of them, and three of the held were told coupled.)
+    """
+    return joint not in recording.limbs and np.ptp(recording.position[:, joint]) < TRAVEL
 
 
 def with_tilt(others: list[str], trial: str) -> tuple[list[str], str]:

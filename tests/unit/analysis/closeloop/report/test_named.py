@@ -17,6 +17,7 @@ from analysis.closeloop.report.named import (
     _if_it_can_be,
     if_they_can_be,
     late_efforts,
+    only_held,
     refused_values,
     spans_nonsense,
     supposed,
@@ -64,6 +65,16 @@ def test_an_interval_that_spans_nonsense_says_nothing(
 def test_only_the_zero_of_what_turns_all_is_a_base_that_stands_askew() -> None:
     arm = rich_recording()
     assert turns_all(arm, 0) and not turns_all(arm, ELBOW)
+
+
+def test_of_a_robots_joint_that_never_moves_wrong_links_look_like_a_coupling() -> None:
+    arm = rich_recording()
+    held = np.array(arm.position)
+    held[:, [0, ELBOW]] *= 0.1
+    held_arm = replace(arm, position=held, cache={})
+    assert only_held(held_arm, 0) and not only_held(arm, 0)
+    # Its elbow is a limb's.
+    assert not only_held(held_arm, ELBOW)
 
 
 def test_no_movement_is_said_to_tell_a_wrong_zero_from_a_base_that_stands_askew() -> None:
