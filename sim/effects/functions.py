@@ -23,6 +23,7 @@ def _either(scalar: Callable[[float], float], array: np.ufunc) -> Callable[[Sign
 
 exp = _either(math.exp, np.exp)
 expm1 = _either(math.expm1, np.expm1)
+log1p = _either(math.log1p, np.log1p)
 cos = _either(math.cos, np.cos)
 sin = _either(math.sin, np.sin)
 tanh = _either(math.tanh, np.tanh)

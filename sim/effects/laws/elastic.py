@@ -4,32 +4,23 @@ Passive joint torque is flat in the middle of the range and steep towards its en
 Edrich 1999); MuJoCo has polynomial `stiffness` and soft joint ranges for both.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from sim.effects.effect import Columns, Effect, Law, Limits, Theta
 from sim.effects.elements import add_damping, add_spring, joint_of
-from sim.effects.functions import Signal, at_least, at_most, expm1, magnitude, tanh
+from sim.effects.functions import Signal, magnitude, tanh
 from sim.effects.motion import Motion, RecordedJoint, Recording
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, Values, named, size
 
 if TYPE_CHECKING:
     import mujoco
 
-#: Power that stands for an exponential, and the width over half the range of motion with which a
-#: search for that begins; the width with which one begins that comes from a power, and how wide it
-#: may be, rad.
-EXPONENTIAL, END_WIDTH = 0.0, 0.35
-WIDTH, WIDTHS = 0.2, (0.02, 0.5)
-#: Powers of a torque that begins at an angle; and how far it, or a middle, may be from where it
-#: seemed, rad.
-POWERS, ONSET = (1.0, 2.0, EXPONENTIAL), 0.2
-#: Unit of a steepness by the power.
-STEEPNESS = {EXPONENTIAL: "Nm", 1.0: "Nm/rad", 2.0: "Nm/rad2"}
-#: Shares of half the travel beyond which the search for such a torque begins, and both its ends.
-BEGINS, ENDS = (0.3, 0.45, 0.6, 0.75, 0.87), ((1.0, "positive"), (-1.0, "negative"))
+#: How wide the part of an elastic torque may be that bends, and how far its middle may be from
+#: where it seemed, rad.
+WIDTHS, ONSET = (0.02, 0.5), 0.2
 #: Power that stands for tanh, and those of a spring that yields.
 TANH = 0.0
 YIELDING = (TANH, 2.0, 1.0)
@@ -232,160 +223,3 @@ class HardeningSpring(NonlinearStiffness):
 
     def applies(self, recording: Recording, joint: int) -> bool:
         return joint not in recording.limbs
-
-
-class EndRange(Law):
-    """A spring that only begins at an angle near one end: K max(0, q - a)^p, or exponential."""
-
-    limb = elastic = True
-    name = "end_range_torque"
-    complexity = 3
-    signature = "the residual is flat but rises at one end, the same both ways"
-    separating_trial = "move slowly beyond the angle where the torque begins, both ways"
-    owner = "human"
-    parameters = named(
-        stiffness=size("Nm/rad", 20.0, "steepness (Nm/rad2 or Nm by the power)"),
-        onset=Parameter("rad", "angle where it begins", 0.2, 1.8, neutral=1.5, in_joint_frame=True),
-        side=SIDE,
-        power=Parameter(
-            "1",
-            "1 or 2; 0: an exponential",
-            0.0,
-            2.0,
-            neutral=1.0,
-            floor=0.0,
-            ceiling=4.0,
-            choice=True,
-        ),
-        width=Parameter("rad", "of the exponential", 0.1, 0.5, neutral=0.3, floor=0.01),
-    )
-    coefficients = ("stiffness",)
-    lower = (0.0,)
-    nonlinear = (
-        Nonlinear("onset", shift=0.08, step=RELATIVE),
-        Nonlinear("side"),
-        Nonlinear("power"),
-        # Of an exponential alone.
-        Nonlinear("width", scaling=0.2, step=RELATIVE),
-    )
-
-    def torque(self, parameters: Values, motion: Motion) -> Signal:
-        side, power = sign_of(parameters["side"]), parameters["power"]
-        beyond = side * (motion.position - parameters["onset"])
-        return side * parameters["stiffness"] * _rise(beyond, power, parameters.get("width", WIDTH))
-
-    def thetas(self, joint: RecordedJoint) -> list[Theta]:
-        middle, half = joint.travel
-        width = {"width": END_WIDTH * half}
-        return [
-            {"side": side, "onset": middle + side * half * share, "power": power}
-            | (width if power == EXPONENTIAL else {})
-            for side in (-1.0, 1.0)
-            for share in BEGINS
-            for power in POWERS
-        ]
-
-    def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
-        return _of_each_power(theta, ("onset",), ("width",))
-
-    def unit(self, parameter: str, theta: Theta) -> str:
-        if parameter != "stiffness":
-            return super().unit(parameter, theta)
-        return STEEPNESS[theta["power"]]
-
-
-class BothEnds(Law):
-    """`EndRange` at both ends of the range, of one form; K is that between them."""
-
-    limb = elastic = True
-    name = "end_range_both"
-    complexity = 6
-    signature = "the residual is flat but rises at both ends, the same both ways"
-    separating_trial = "move slowly beyond the angles where the torque begins, both ways"
-    includes = ("end_range_torque",)
-    # Ends that are alike seem a cubic, or a wave over the range, as long as nothing else has both.
-    grows_from = ("end_range_torque", "nonlinear_stiffness", "torque_ripple")
-    not_beside = ("nonlinear_stiffness",)
-    parameters = named(
-        stiffness_positive=Parameter("Nm", "steepness in flexion", floor=0.0),
-        stiffness_negative=Parameter("Nm", "in extension", floor=0.0),
-        onset_positive=Parameter("rad", "where it begins", in_joint_frame=True),
-        onset_negative=Parameter("rad", "in extension", in_joint_frame=True),
-        power=Parameter("1", "as of one end", neutral=1.0, floor=0.0, ceiling=4.0, choice=True),
-        width_positive=Parameter("rad", "in flexion", neutral=0.3, floor=0.01),
-        width_negative=Parameter("rad", "in extension", neutral=0.3, floor=0.01),
-    )
-    coefficients = ("stiffness_positive", "stiffness_negative")
-    lower = (0.0,)
-    nonlinear = (
-        Nonlinear("onset_positive", shift=0.08, step=RELATIVE),
-        Nonlinear("onset_negative", shift=0.08, step=RELATIVE),
-        Nonlinear("power"),
-        Nonlinear("width_positive", scaling=0.2, step=RELATIVE),
-        Nonlinear("width_negative", scaling=0.2, step=RELATIVE),
-    )
-
-    def torque(self, parameters: Values, motion: Motion) -> Signal:
-        rises = [
-            side
-            * parameters[f"stiffness_{end}"]
-            * _rise(
-                side * (motion.position - parameters[f"onset_{end}"]),
-                parameters["power"],
-                parameters.get(f"width_{end}", WIDTH),
-            )
-            for side, end in ENDS
-        ]
-        return rises[0] + rises[1]
-
-    def thetas(self, joint: RecordedJoint) -> list[Theta]:
-        middle, half = joint.travel
-        widths = {f"width_{end}": END_WIDTH * half for _, end in ENDS}
-        return [
-            {
-                "onset_positive": middle + half * above,
-                "onset_negative": middle - half * below,
-                "power": power,
-            }
-            | (widths if power == EXPONENTIAL else {})
-            for above in BEGINS
-            for below in BEGINS
-            for power in POWERS
-        ]
-
-    def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
-        onsets, widths = ([f"{what}_{end}" for _, end in ENDS] for what in ("onset", "width"))
-        return _of_each_power(theta, onsets, widths)
-
-    def limits(self, joint: RecordedJoint) -> Limits:
-        middle, half = joint.travel
-        within = (middle - half, middle + half)
-        return {**super().limits(joint), "onset_positive": within, "onset_negative": within}
-
-    def unit(self, parameter: str, theta: Theta) -> str:
-        if not parameter.startswith("stiffness"):
-            return super().unit(parameter, theta)
-        return STEEPNESS[theta["power"]]
-
-
-def _of_each_power(
-    theta: Theta, onsets: Sequence[str], widths: Sequence[str]
-) -> list[tuple[Theta, Limits]]:
-    """Return the searches that begin with each power: between steps of an onset another may do."""
-    bare = {name: value for name, value in theta.items() if name not in widths}
-    free = {name: (theta[name] - ONSET, theta[name] + ONSET) for name in onsets}
-    wide = {name: theta.get(name, WIDTH) for name in widths}
-    found: list[tuple[Theta, Limits]] = []
-    for power in sorted(POWERS, key=lambda power: power != theta["power"]):
-        begin = {**bare, "power": power}
-        if power == EXPONENTIAL:
-            found.append((begin | wide, free | dict.fromkeys(widths, WIDTHS)))
-        else:
-            found.append((begin, free))
-    return found
-
-
-def _rise(beyond: Signal, power: float, width: float) -> Signal:
-    """Return how a torque rises with the way beyond where it begins, rad, none before it."""
-    way = at_least(0.0, beyond)
-    return expm1(at_most(20.0, way / width)) if power == EXPONENTIAL else way**power

@@ -8,7 +8,12 @@ from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_LATER
 from analysis.closeloop.identification.balance.model import Model, evaluate
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
 from analysis.closeloop.identification.balance.terms import Candidate
-from analysis.closeloop.identification.candidates import options_beside, refined
+from analysis.closeloop.identification.candidates import (
+    candidates,
+    options_beside,
+    refined,
+    tried_alone,
+)
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.growing.steps import grow
@@ -44,7 +49,10 @@ def regrown(
         again, _ = grow(begun, rows, before, progress)
         if _needs(again, begun, rows) and better(again, grown):
             grown = again
-    for begun in coupled_starts(grown, rows, before):
+    for begun in (
+        *coupled_starts(grown, rows, before),
+        *richer_starts(grown, declared, rows, before),
+    ):
         again, _ = grow(begun, rows, before, progress)
         if better(again, grown):
             grown = again
@@ -119,6 +127,36 @@ def coupled_starts(grown: Grown, rows: Rows, before: Score) -> Iterator[Grown]:
         ]
         if first.taken.candidate.effect is not coupling and len(coupled) > 1:
             yield _begun(replace(first, taken=coupled[0]), rows, before)
+
+
+def richer_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> Iterator[Grown]:
+    """Yield what is elastic and grows from a limb's first effect, alone, if it predicts better.
+
+    Beside the first, one end of the range may gain more than both in its place. (A stranger's
+    limbs, nearly free over a fifth of their range: one wave over it, and K twice as large.)
+    """
+    for first in grown.steps[:1]:
+        taken = first.taken
+        for other in candidates(rows.recording):
+            effect, joint = other.effect, other.joint
+            grows = effect.elastic and taken.candidate.effect.name in effect.grows_from
+            if not grows or joint != taken.candidate.joint or other.key in declared.declared:
+                continue
+            if (found := tried_alone(declared, rows, other)) is None:
+                continue
+            option = _alone_option(other, found, before)
+            option = _alone_option(other, refined(option, rows), before)
+            gain, error = compare(taken.score.losses, option.score.losses)
+            if gain > error:
+                step = replace(first, taken=option, equals=(), before=before.loss)
+                yield Grown(option.model, option.score, (step,))
+
+
+def _alone_option(candidate: Candidate, fitted: tuple[Model, Score], before: Score) -> Option:
+    """Return an effect that was fitted beside what is declared alone."""
+    model, score = fitted
+    gain, error = compare(before.losses, score.losses)
+    return Option(candidate=candidate, model=model, score=score, gain=gain, z=gain / error)
 
 
 def next_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> Iterator[Grown]:

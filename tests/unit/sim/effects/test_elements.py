@@ -273,3 +273,12 @@ def test_a_robots_spring_that_hardens_is_its_equation() -> None:
         {"cubic_stiffness": 3.0, "centre": 0.2, "stiffness": 0.5, "torque_at_zero": -0.1},
     )
     assert applied_torque(model, 1.2, 0.0) == pytest.approx(-(3.0 + 0.5 * 1.2 - 0.1))
+
+
+def test_a_torque_that_begins_with_a_round_corner_goes_on_straight_beyond_it() -> None:
+    """At the corner's angle it is its width times ln 2 and the stiffness; before it, soon none."""
+    corner = {"stiffness": 4.0, "onset": 0.5, "side": 1.0, "power": -1.0, "width": 0.05}
+    model = added("end_range_torque", corner)
+    assert applied_torque(model, 0.5, 0.0) == pytest.approx(-4.0 * 0.05 * np.log(2.0))
+    assert applied_torque(model, 1.5, 0.0) == pytest.approx(-4.0)
+    assert applied_torque(model, -0.5, 0.0) == pytest.approx(0.0, abs=1e-6)

@@ -237,6 +237,26 @@ def test_where_the_best_first_effect_leaves_much_the_next_ones_are_tried_in_its_
     assert found.score.loss < 0.01 * first.score.loss
 
 
+@pytest.mark.parametrize("power", [1.0, -1.0])
+def test_a_limb_that_is_free_over_a_little_of_its_range_has_two_ends_and_is_no_wave(
+    elbow: Recording, power: float
+) -> None:
+    """They were one wave over the range and K was twice as large: a stranger's, in 19 sessions."""
+    middle, half = unfitted(elbow, ELBOW).travel
+    ends = {"onset_positive": middle + 0.1 * half, "onset_negative": middle - 0.25 * half}
+    widths = {"width_positive": 0.1 * half, "width_negative": 0.1 * half} if power < 0.0 else {}
+    theta = {**ends, **widths, "power": power}
+    rows = rows_with(elbow, torque(elbow, "end_range_both", theta, 12.0, 8.0))
+    declared = Model(rows.recording)
+    before = evaluate(declared, rows)
+    (wave,) = options_beside(declared, rows, before, [candidate("torque_ripple")])
+    step = Step(taken=wave, equals=(), options=(wave,), before=before.loss)
+    (found,) = regrown(Grown(wave.model, wave.score, (step,)), declared, rows, before).steps
+    assert found.key == ("end_range_both", ELBOW)
+    for name, value in ends.items():
+        assert found.taken.model.terms[-1].theta[name] == pytest.approx(value, abs=0.01)
+
+
 def test_a_spring_that_yields_is_not_asked_for_beside_one_that_hardens(elbow: Recording) -> None:
     """With both of them a stranger's two ends of range had K = -9 (-99 to 81)."""
     sizes = {
