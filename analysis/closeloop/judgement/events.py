@@ -31,6 +31,7 @@ from analysis.closeloop.identification.spectrum import strongest_line
 from analysis.closeloop.judgement.beyond import LEAST_ROWS, beyond_splines
 from analysis.closeloop.judgement.holds import (
     AROUND,
+    OF_MOTION,
     SHORTEST,
     STICTION,
     rest_events,
@@ -93,7 +94,7 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             rubs = rubbed > MIN_TORQUE * rms(recording.effort[samples, joint])
             known = rubbing_anyway(model, joint) if rubs else model
             unknown = STICTION * unknown_friction(model, rows, joint)
-            unknown = unknown + crossing(model, rows, joint)
+            unknown = unknown + crossing(model, rows, joint) + recalled(model, rows, joint)
             stands_out = [*_moving(known, rows, joint, unknown)]
             often = len(_long(event for event, _ in stands_out))
             own = _long(event for event, swings in stands_out if not swings)
@@ -271,6 +272,22 @@ def crossing(model: Model, rows: Rows, joint: int) -> np.ndarray:
     for piece in recording.slices:
         found[piece] = maximum_filter1d(torque[piece], int(AROUND * recording.rate) | 1)
     return found
+
+
+def recalled(model: Model, rows: Rows, joint: int) -> np.ndarray:
+    """Return how much may be wrong, near each sample, of what depends on the motion before, (n,).
+
+    A share of its torque: a reflex begins at once, and its form says how only about. (A stranger's
+    reflex was known to a percent, and five pushes were told where it began and ended.)
+    """
+    recording, torque = model.recording, np.zeros(len(model.recording.time))
+    for term, own in model.split(evaluate(model, rows).coefficients):
+        if term.effect is not None and term.effect.remembers and joint in term.columns:
+            torque += np.abs(kept_columns(term)[joint] @ own)
+    width = int(AROUND * recording.rate) | 1
+    for piece in recording.slices:
+        torque[piece] = OF_MOTION * maximum_filter1d(torque[piece], width)
+    return torque
 
 
 def upper_octave(recording: Recording, joint: int) -> np.ndarray:

@@ -62,22 +62,28 @@ def synchronised_limb(found: Trace) -> tuple[Recording, str]:
     """Return the recording of a traced limb as `synchronised` does that of a robot.
 
     What was found stands in for other joints to agree with: a command that is held for a period
-    acts half of it later, and beside a gain of 13 % that was a Maxwell element and a load.
+    acts half of it later, and beside a gain of 13 % that was a Maxwell element and a load. Several
+    joints have to agree, and a delay of one that is shorter than a sample may be theirs.
     """
     recording, rows = found.rows.recording, found.rows
-    named = [step.taken.candidate.effect for step in found.steps]
-    late = any(effect.channel and effect.filters for effect in named)
-    if late or len(rows.joints) != 1 or not recording.limbs:
+    sample, several = 1.0 / recording.sampling.recorded, len(rows.joints) > 1
+    model = found.model
+    if several:
+        short = {c.candidate for c in model.channels if abs(c.theta.get("delay", np.inf)) <= sample}
+        model = model.keeping(lambda candidate: candidate not in short)
+    late = any(one.effect.channel and one.effect.filters for one in model.effects)
+    if late or not recording.limbs:
         return recording, ""
-    model, (joint,) = found.model, rows.joints
-    rates = _rates(model, found.score.coefficients)[:, [joint]]
-    time, error = _time(model, rows, joint, rates)
-    if not MIN_Z * error < abs(time) <= 1.0 / recording.sampling.recorded:
+    before = evaluate(model, rows)
+    rates = _rates(model, before.coefficients)
+    times = [_time(model, rows, joint, rates[:, [joint]]) for joint in rows.joints]
+    time, error = agreed_time(*np.array(times).T) if several else times[0]
+    if not MIN_Z * error < abs(time) <= sample:
         return recording, ""
     given = {} if model.given is None else dict(model.given.torque)
-    given[joint] = time * rates + given.get(joint, 0.0)
+    given |= {j: time * rates[:, [j]] + given.get(j, 0.0) for j in recording.joints}
     after = evaluate(replace(model, given=Given(torque=given)), rows)
-    if found.score.loss - after.loss < MIN_GAIN * found.score.loss:
+    if before.loss - after.loss < MIN_GAIN * before.loss:
         return recording, ""
     return later(recording, time), _said(time, "less than a sample")
 

@@ -70,6 +70,25 @@ def test_how_a_link_lands_from_its_play_is_no_event(swinging: Recording) -> None
     assert [round(e.begin) for e in find_events(beside, recording)] == [40]
 
 
+def test_how_a_reflex_that_is_nearly_known_begins_is_no_event(swinging: Recording) -> None:
+    """It begins at once, 2 % of it later than said: five pushes were told."""
+    reflex = BY_NAME["stretch_reflex"]
+    theta = {"side": 1.0, "delay": 0.04, "activation_time": 0.0, "speed": 0.0, "angle": 0.2}
+    joint = unfitted(with_effort(swinging, np.zeros(len(TIME))), 1)
+    true = reflex.columns(joint, theta)[1][:, 0]
+    columns = reflex.columns(joint, {**theta, "delay": 0.042})
+    term = Term(effect=reflex, joint=1, columns=columns, theta=theta, kept=(0,))
+    gain = 20.0 / np.abs(true).max()
+    once = np.where((TIME > 20.0) & (TIME < 23.0), gain * (true - columns[1][:, 0]), 0.0)
+    shocked = with_effort(swinging, gain * columns[1][:, 0] + once)
+    assert np.abs(shocked.filtered(once[:, None])).max() > 6.0 * NOISE
+    assert find_events(Model(shocked, terms=(term,)), shocked) == ()
+    push = pushed(31.0, 0.8, 2.0)
+    both = with_effort(swinging, gain * columns[1][:, 0] + once + push)
+    (event,) = find_events(Model(both, terms=(term,)), both)
+    assert 30.7 < event.begin < 31.2 < 31.6 < event.end < 32.1
+
+
 def test_muscles_that_are_stiffer_in_one_trial_than_in_another_push_nobody(
     recording: Recording,
 ) -> None:

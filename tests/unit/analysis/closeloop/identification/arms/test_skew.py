@@ -12,9 +12,9 @@ from analysis.closeloop.identification.arms.skew import (
     synchronised,
     synchronised_limb,
 )
-from analysis.closeloop.identification.balance.model import Model, evaluate
+from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import select_rows
-from analysis.closeloop.identification.balance.terms import Candidate
+from analysis.closeloop.identification.balance.terms import Candidate, Channel
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.rich import ELBOW, rich_elbow, rich_recording
@@ -67,24 +67,42 @@ def test_friction_that_turns_late_does_not_hide_the_time_of_a_log() -> None:
     assert moved == pytest.approx(truth, abs=0.15 * np.abs(truth).max())
 
 
-@pytest.mark.parametrize("name", ["", "time_delay", "torque_gain"])
+@pytest.mark.parametrize("name", ["", "time_delay"])
 def test_of_a_limb_it_is_told_beside_what_was_found_unless_that_is_late(name: str) -> None:
     """A command that is held acts later: a Maxwell element and a load were named for that."""
     time, elbow = 1.0 * MS, rich_elbow(20)
     effort = later(elbow, time).inverse
     effort += 0.002 * np.random.default_rng(4).standard_normal(effort.shape)
     elbow = replace(elbow, effort=elbow.filtered(effort), cache={})
-    rows, model = select_rows(elbow, (0,)), Model(elbow)
-    named = [Candidate(effect=BY_NAME[name], joint=ELBOW)] if name else []
-    steps = [SimpleNamespace(taken=SimpleNamespace(candidate=one)) for one in named]
-    found = SimpleNamespace(rows=rows, model=model, score=evaluate(model, rows), steps=steps)
+    named = [Candidate(effect=BY_NAME[name], joint=ELBOW)] if name == "time_delay" else []
+    channels = tuple(Channel(candidate=one, theta={"delay": time}) for one in named)
+    rows, model = select_rows(elbow, (0,)), Model(elbow, channels=channels)
+    found = SimpleNamespace(rows=rows, model=model)
     there, said = synchronised_limb(found)  # type: ignore[arg-type]
     if name == "time_delay":
-        assert (there, said) == (elbow, "")
+        assert there is elbow and said == ""
         return
     moved, truth = (one.position - elbow.position for one in (there, later(elbow, time)))
     assert moved[:, ELBOW] == pytest.approx(truth[:, ELBOW], abs=4e-5)
     assert "ms before the positions, less than a sample" in said
+
+
+@pytest.mark.parametrize(("delay", "told"), [(0.0, True), (1.0 * MS, True), (12.0 * MS, False)])
+def test_joints_of_a_limb_that_are_late_alike_have_no_delay_of_one_of_them(
+    delay: float, told: bool
+) -> None:
+    """Of less than a sample, one joint had a delay, and the other's reflex took the rest."""
+    time = 1.0 * MS
+    arm = logged((time, time))
+    limbs = replace(arm, session=replace(arm.session, limb_joints=("shoulder", "elbow")), cache={})
+    late = Candidate(effect=BY_NAME["time_delay"], joint=ELBOW)
+    channels = (Channel(candidate=late, theta={"delay": delay}),) if delay else ()
+    model, rows = Model(limbs, channels=channels), select_rows(limbs, (0,))
+    there, said = synchronised_limb(SimpleNamespace(rows=rows, model=model))  # type: ignore[arg-type]
+    assert bool(said) == told
+    if told:
+        moved, truth = (one.position - limbs.position for one in (there, later(limbs, time)))
+        assert moved[:, ELBOW] == pytest.approx(truth[:, ELBOW], abs=4e-5)
 
 
 def test_of_a_limb_nothing_is_said_before_its_effects_are_known() -> None:
