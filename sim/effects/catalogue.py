@@ -53,6 +53,7 @@ EFFECTS: tuple[Effect, ...] = (
     transmission.TorqueRipple(),
     limb.ThixotropicStiffness(),
     limb.StretchReflex(),
+    limb.BothReflexes(),
     load_friction.StribeckLoad(),
 )
 #: Asked of robots in the place of a limb's effect of the same name.

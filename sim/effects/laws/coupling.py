@@ -65,7 +65,7 @@ class CrossJointCoupling(Law):
 
     name = "cross_joint_coupling"
     complexity = 3
-    signature = "the residual of one joint follows the position, speed, or effort of another"
+    signature = "the residual follows another joint's position, speed or effort"
     separating_trial = "move the neighbouring joint alone while this one is held"
     includes = ("torque_offset",)
     parameters = named(

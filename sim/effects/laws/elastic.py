@@ -31,7 +31,7 @@ YIELDS, WIDEST_YIELD, ASIDE_YIELD = (0.2, 0.45), 0.7, 0.5
 #: Which way a one-sided effect acts.
 SIDE = Parameter(
     "1",
-    "+1 acts in flexion, -1 in extension",
+    "+1 in flexion, -1 in extension",
     -1.0,
     1.0,
     neutral=1.0,

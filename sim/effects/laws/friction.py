@@ -85,7 +85,7 @@ class Coulomb(Friction):
 
     name = "coulomb_friction"
     complexity = 1
-    signature = "the residual steps with the sign of the velocity, equally high at every speed"
+    signature = "the residual steps with the sign of the velocity, at every speed alike"
     element = "joint/@frictionloss"
     separating_trial = "move to and fro through the same range at two constant speeds"
     parameters = named(torque=size("Nm", 3.0, "friction"))
@@ -139,7 +139,7 @@ class Stribeck(Friction):
         torque=size("Nm", 3.0, "friction when fast"),
         breakaway_excess=size("Nm", 2.0, "how much more when slow"),
         stribeck_velocity=Parameter(
-            "rad/s", "speed at which the excess is lost", 0.02, 0.5, neutral=0.1, floor=1e-3
+            "rad/s", "at which the excess is lost", 0.02, 0.5, neutral=0.1, floor=1e-3
         ),
         stribeck_exponent=EXPONENT,
     )

@@ -262,7 +262,7 @@ class AddedInertia(Law):
 
     name = "added_inertia"
     complexity = 1
-    signature = "the residual is a straight line against acceleration, whatever the posture"
+    signature = "the residual is a straight line against acceleration"
     element = "joint/@armature"
     separating_trial = "shake the joint in two postures that differ in gravity"
     owner = "robot"

@@ -50,25 +50,25 @@ class StretchReflex(AppliedEffect):
     name = "stretch_reflex"
     remembers = True
     complexity = 5
-    signature = "the residual resists one direction only, beyond a speed or an angle, a little late"
+    signature = "one direction resists, beyond a speed or an angle, a little late"
     separating_trial = "stretch the joint through the same range at four speeds, and record the EMG"
     owner = "human"
     parameters = named(
-        gain=size("Nm s/rad", 5.0, "torque against a stretch beyond the threshold"),
+        gain=size("Nm s/rad", 5.0, "against stretch beyond the threshold"),
         threshold_velocity=Parameter(
-            "rad/s", "speed of stretch beyond which it acts", 0.0, 2.0, neutral=0.5, floor=0.0
+            "rad/s", "of stretch beyond which it acts", 0.0, 2.0, neutral=0.5, floor=0.0
         ),
         threshold_angle=Parameter(
             "rad",
-            f"angle beyond which it acts; {NO_ANGLE:g}: every angle",
+            f"beyond which it acts; {NO_ANGLE:g}: every angle",
             0.2,
             1.8,
             neutral=NO_ANGLE,
             in_joint_frame=True,
         ),
-        delay=Parameter("s", "time from stretch to torque", 0.0, 0.1, floor=0.0, ceiling=0.5),
+        delay=Parameter("s", "from stretch to torque", 0.0, 0.1, floor=0.0, ceiling=0.5),
         activation_time=Parameter(
-            "s", "of the muscle's low-pass of second order", 0.0, 0.1, floor=0.0, ceiling=0.5
+            "s", "of the muscle's low-pass", 0.0, 0.1, floor=0.0, ceiling=0.5
         ),
         side=SIDE,
     )
@@ -168,6 +168,79 @@ class StretchReflex(AppliedEffect):
             return strength * passed
 
         return torque
+
+
+class BothReflexes(AppliedEffect):
+    """`StretchReflex` of both sides' muscles, alike but for their gains, at every angle."""
+
+    limb = remembers = directed = True
+    name = "stretch_reflex_both"
+    complexity = 6
+    signature = "both directions resist, beyond a speed, a little late"
+    separating_trial = StretchReflex.separating_trial
+    includes = grows_from = (StretchReflex.name,)
+    parameters = named(
+        gain_positive=Parameter("Nm s/rad", "in flexion", floor=0.0),
+        gain_negative=Parameter("Nm s/rad", "in extension", floor=0.0),
+        threshold_velocity=Parameter("rad/s", "of both", neutral=0.5, floor=0.0),
+        delay=Parameter("s", "of both", floor=0.0, ceiling=0.5),
+        activation_time=Parameter("s", "of both", floor=0.0, ceiling=0.5),
+    )
+    coefficients = ("gain_positive", "gain_negative")
+    lower = (0.0,)
+    nonlinear = (
+        Nonlinear("delay", shift=0.015, step=SECONDS),
+        Nonlinear("speed", shift=0.1, step=RELATIVE),
+        Nonlinear("activation_time", scaling=0.4, step=SECONDS, usual=0.0),
+    )
+
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        every = StretchReflex().thetas(joint)
+        return [_of_both(one) for one in every if one["side"] > 0.0 and one["angle"] < -1.0]
+
+    def neighbours(self, theta: Theta, scale: float) -> list[Theta]:
+        every = super().neighbours(theta, scale)
+        near: list[Theta] = [{**one, "delay": max(LATENCY, one["delay"])} for one in every]
+        return [one for one in near if one != theta]
+
+    def searches(self, theta: Theta) -> list[tuple[Theta, Limits]]:
+        every = StretchReflex().searches(_of_one(theta, 1.0))
+        return [
+            (_of_both(begin), {name: ends for name, ends in free.items() if name != "angle"})
+            for begin, free in every
+            if begin["angle"] < -1.0
+        ]
+
+    def limits(self, joint: RecordedJoint) -> Limits:
+        limits = super().limits(joint)
+        return {**limits, "delay": (LATENCY, limits["delay"][1])}
+
+    def fixed(self, joint: RecordedJoint, theta: Theta) -> Values:
+        found = StretchReflex().fixed(joint, _of_one(theta, 1.0))
+        return {name: value for name, value in found.items() if name in self.parameters}
+
+    def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
+        sides = [StretchReflex().columns(joint, _of_one(theta, side)) for side in (1.0, -1.0)]
+        return {joint.number: np.column_stack([own[joint.number] for own in sides])}
+
+    def simulated(self, parameters: Values, step: float) -> Callable[[Motion], float]:
+        shared = {name: parameters[name] for name in ("threshold_velocity", "delay")}
+        shared["activation_time"] = parameters.get("activation_time", 0.0)
+        one, other = (
+            StretchReflex().simulated({**shared, "side": side, "gain": parameters[gain]}, step)
+            for side, gain in ((1.0, "gain_positive"), (-1.0, "gain_negative"))
+        )
+        return lambda motion: one(motion) + other(motion)
+
+
+def _of_one(theta: Theta, side: float) -> Theta:
+    """Return what makes the form of a reflex of one side, at every angle."""
+    return {**theta, "side": side, "angle": -2.0}
+
+
+def _of_both(theta: Theta) -> Theta:
+    """Return what makes the form of those of both sides, from one's."""
+    return {name: value for name, value in theta.items() if name not in ("side", "angle")}
 
 
 class Thixotropy(AppliedEffect):

@@ -100,9 +100,9 @@ class StribeckLoad(Loaded):
         torque=Parameter("Nm", "friction without load when fast", floor=0.0),
         load_share=share("further friction over the motor's torque"),
         breakaway_excess=Parameter("Nm", "how much more when slow", floor=0.0),
-        slow_load_share=share("how much more over the torque when slow"),
+        slow_load_share=share("the same over the torque"),
         stribeck_velocity=Parameter(
-            "rad/s", "speed at which the excess is lost", neutral=0.1, floor=1e-3
+            "rad/s", "at which the excess is lost", neutral=0.1, floor=1e-3
         ),
         stribeck_exponent=EXPONENT,
     )

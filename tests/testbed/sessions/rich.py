@@ -67,6 +67,10 @@ TRUTH: dict[str, tuple[dict[str, float], tuple[float, ...]]] = {
         {"side": 1.0, "delay": 0.06, "activation_time": 0.0, "speed": 0.15, "angle": -2.0},
         (1.5,),
     ),
+    "stretch_reflex_both": (
+        {"delay": 0.06, "activation_time": 0.0, "speed": 0.15},
+        (1.5, 1.1),
+    ),
     "thixotropy": (
         {"elastic_range": 0.08, "exponent": 0.0, "recovery": 0.4, "distance": 0.4},
         (1.5, 0.3),

@@ -130,7 +130,7 @@ def coupled_starts(grown: Grown, rows: Rows, before: Score) -> Iterator[Grown]:
 
 
 def richer_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> Iterator[Grown]:
-    """Yield what is elastic and grows from a limb's first effect, alone, if it predicts better.
+    """Yield what grows from a limb's first effect, alone, if it predicts better.
 
     Beside the first, one end of the range may gain more than both in its place. (A stranger's
     limbs, nearly free over a fifth of their range: one wave over it, and K twice as large.)
@@ -139,7 +139,7 @@ def richer_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> I
         taken = first.taken
         for other in candidates(rows.recording):
             effect, joint = other.effect, other.joint
-            grows = effect.elastic and taken.candidate.effect.name in effect.grows_from
+            grows = effect.limb and taken.candidate.effect.name in effect.grows_from
             if not grows or joint != taken.candidate.joint or other.key in declared.declared:
                 continue
             if (found := tried_alone(declared, rows, other)) is None:

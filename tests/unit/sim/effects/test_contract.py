@@ -27,6 +27,7 @@ series_elasticity backlash hysteresis stretch_reflex thixotropy drift cross_join
 LATER = """
 stribeck_load_friction directional_load_friction quadratic_load_friction thixotropic_stiffness
 gravity_torque coupled_motor stress_relaxation softening_stiffness end_range_both
+stretch_reflex_both
 """
 #: What a law is written with: another joint and its sense, the middle of the range, the width of an
 #: exponential.

@@ -27,6 +27,8 @@ PARAMETERS: dict[str, dict[str, float]] = {
     "torque_ripple": {"cosine": 0.3, "sine": 0.4, "order": 7.0},
     "hysteresis": {"torque": 1.5, "distance": 0.1},
     "stretch_reflex": {"gain": 2.0, "delay": 0.0, "side": 1.0, "threshold_velocity": 0.2},
+    "stretch_reflex_both": {"gain_positive": 2.0, "gain_negative": 1.5, "delay": 0.0}
+    | {"threshold_velocity": 0.2},
     "thixotropy": {
         "torque": 0.7, "torque_moving": 0.3, "elastic_range": 1e-4, "exponent": 1.0,
         "recovery": 1.5, "distance": 0.5,
@@ -145,6 +147,8 @@ def test_a_late_actuator_is_late(name: str) -> None:
         ("torque_ripple", 0.0, 0.0, -0.3),
         ("stretch_reflex", 0.0, 1.2, -2.0),
         ("stretch_reflex", 0.0, -1.2, 0.0),
+        ("stretch_reflex_both", 0.0, 1.2, -2.0),
+        ("stretch_reflex_both", 0.0, -1.2, 1.5),
         ("thixotropy", 0.0, 1.0, -1.0),
         ("thixotropic_stiffness", 1.2, 0.0, -2.1),
         ("stress_relaxation", 1.2, 0.0, 0.0),

@@ -71,6 +71,7 @@ def test_what_can_be_is_within_its_limits(effect: Effect, recording: Recording) 
 def test_an_industrial_robot_has_no_reflex(recording: Recording) -> None:
     of_limbs = {
         "stretch_reflex",
+        "stretch_reflex_both",
         "thixotropy",
         "thixotropic_stiffness",
         "stress_relaxation",

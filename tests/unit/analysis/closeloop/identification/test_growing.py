@@ -257,6 +257,20 @@ def test_a_limb_that_is_free_over_a_little_of_its_range_has_two_ends_and_is_no_w
         assert found.taken.model.terms[-1].theta[name] == pytest.approx(value, abs=0.01)
 
 
+def test_reflexes_of_both_sides_take_the_place_of_one(elbow: Recording) -> None:
+    """One explained less than it has to, and five pushes were told: a stranger's."""
+    theta = {"delay": 0.04, "activation_time": 0.0, "speed": 0.15}
+    rows = rows_with(elbow, torque(elbow, "stretch_reflex_both", theta, 3.0, 2.0))
+    declared = Model(rows.recording)
+    before = evaluate(declared, rows)
+    (one,) = options_beside(declared, rows, before, [candidate("stretch_reflex")])
+    step = Step(taken=one, equals=(), options=(one,), before=before.loss)
+    (found,) = regrown(Grown(one.model, one.score, (step,)), declared, rows, before).steps
+    assert found.key == ("stretch_reflex_both", ELBOW)
+    sizes = found.taken.score.coefficients[-2:]
+    assert sizes == pytest.approx([3.0, 2.0], rel=0.05)
+
+
 def test_a_spring_that_yields_is_not_asked_for_beside_one_that_hardens(elbow: Recording) -> None:
     """With both of them a stranger's two ends of range had K = -9 (-99 to 81)."""
     sizes = {
