@@ -8,6 +8,7 @@ like a slow sensor. So a missing sample has no weight in any regression.
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.runs import runs
@@ -16,6 +17,11 @@ from analysis.closeloop.session.runs import runs
 CLEAR_STEPS = 3.0
 #: Share of missing samples that is worth a word.
 WORTH_SAYING = 0.002
+#: Steps longer than this many that the clock keeps are gaps.
+GAP_STEPS = 5.5
+#: Steps around one that say what the clock keeps there: at random, more than half of so many are
+#: longer only if a third of all samples is lost.
+AROUND = 21
 
 
 def without_stale(trial: Trial) -> Trial:
@@ -73,19 +79,62 @@ def with_missing_counted(trial: Trial) -> Trial:
 
 
 def missing_share(time: np.ndarray) -> float:
-    """Return the share of samples that an even clock of the usual step would have more, of (n,).
-
-    Of a clock that jitters a step is too long where its neighbour is too short.
-    """
+    """Return the share of samples that a clock would have more had it lost none, of stamps (n,)."""
     steps = np.diff(time)
-    usual = np.median(steps)
-    longer = np.maximum(np.round(steps / usual) - 1.0, 0.0).sum()
-    missing = min(longer, max(np.round((time[-1] - time[0]) / usual) + 1.0 - len(time), 0.0))
+    missing = _missing(steps, kept_steps(steps))
     return float(missing / (missing + len(time)))
 
 
-def near_a_sample(clock: np.ndarray, stamps: np.ndarray, step: float) -> np.ndarray:
-    """Return whether a sample lies within half a step of each tick of an even clock, (n,)."""
+def clock_step(time: np.ndarray) -> float:
+    """Return the mean step of a clock, s, without gaps and with its lost samples, of stamps (n,).
+
+    A clock that goes at 4 ms and at 10 ms has no usual step: its median is one of them, or neither.
+    """
+    steps = np.diff(time)
+    kept = kept_steps(steps)
+    inside = steps <= GAP_STEPS * kept
+    steps, kept = steps[inside], kept[inside]
+    return float(steps.sum() / (len(steps) + _missing(steps, kept)))
+
+
+def kept_steps(steps: np.ndarray) -> np.ndarray:
+    """Return the step that a clock keeps at each of its steps, s, both (n,): longer ones lost some.
+
+    It is the usual one of the recording, or of the steps around where that is longer: a clock may
+    go slower for a while. Lost samples make a step a whole number of times as long; where the
+    longer ones are no such multiples on average, they are another step of the same clock.
+    """
+    around = median_filter(steps, size=AROUND, mode="nearest")
+    kept = np.maximum(np.median(steps), around)
+    times = steps / kept
+    longer = (np.round(times) > 1.0) & (times <= GAP_STEPS)
+    if longer.any() and np.cos(2.0 * np.pi * times[longer]).mean() <= 0.0:
+        kept = np.where(longer, steps, kept)
+    return np.asarray(kept)
+
+
+def _missing(steps: np.ndarray, kept: np.ndarray) -> float:
+    """Return how many samples are missing in steps of a clock that keeps steps `kept`, (n,).
+
+    Of a clock that jitters a step is too long where its neighbour is too short.
+    """
+    times = steps / kept
+    longer = np.maximum(np.round(times) - 1.0, 0.0).sum()
+    return float(min(longer, max(np.round(times.sum()) - len(steps), 0.0)))
+
+
+def measured_at(clock: np.ndarray, stamps: np.ndarray, step: float) -> np.ndarray:
+    """Return which ticks of an even clock, s, (n,), something was recorded for.
+
+    They lie between two samples of which none is lost, or within half a step of one.
+
+    Args:
+        clock: the even one, within the stamps, s, (n,).
+        stamps: of the recorded samples, s, (m,).
+        step: of the even clock, s.
+    """
     after = np.clip(np.searchsorted(stamps, clock), 1, len(stamps) - 1)
+    steps = np.diff(stamps)
+    whole = np.round(steps / kept_steps(steps)) <= 1.0
     distance = np.minimum(np.abs(clock - stamps[after - 1]), np.abs(stamps[after] - clock))
-    return np.asarray(distance <= (0.5 + 1e-6) * step)
+    return np.asarray(whole[after - 1] | (distance <= (0.5 + 1e-6) * step))

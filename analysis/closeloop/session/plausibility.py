@@ -11,9 +11,9 @@ from scipy.stats import median_abs_deviation, siegelslopes
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import MAX_HINGE, Device
+from analysis.closeloop.session.missing import GAP_STEPS
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import MOVING, TRAVEL, saturated_line
-from analysis.closeloop.session.stretches import GAP_STEPS
 
 #: A hinge that may turn for ever is recorded in degrees if it turns faster than that, rad/s: no
 #: robot's joint does 600 turns a minute.

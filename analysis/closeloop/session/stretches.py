@@ -12,7 +12,13 @@ from analysis.closeloop.session.contents import Session, Trial
 from analysis.closeloop.session.cutoff import Stretch, choose_sampling
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import SESSION_FILE
-from analysis.closeloop.session.missing import near_a_sample, with_missing_counted, without_stale
+from analysis.closeloop.session.missing import (
+    GAP_STEPS,
+    clock_step,
+    measured_at,
+    with_missing_counted,
+    without_stale,
+)
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import MOVING, runs
 from analysis.closeloop.session.signals import (
@@ -23,9 +29,7 @@ from analysis.closeloop.session.signals import (
     lowpass,
 )
 
-#: Steps longer than this many medians are gaps, ...
-GAP_STEPS = 5.5
-#: ... which end a stretch if they are longer than this, s: over shorter ones friction and tissue
+#: Gaps end a stretch if they are longer than this, s: over shorter ones friction and tissue
 #: remember what the joint did before.
 BRIDGED = 0.3
 #: Cutoff before samples are thinned to the working rate, over that.
@@ -164,10 +168,11 @@ def stretches(
     Returns:
         The stretches in order, and their common rate in Hz.
     """
-    step = float(np.median([_step(trial) for trial in trials]))
+    steps = [clock_step(trial.time) for trial in trials]
+    step = float(np.median(steps))
     pieces = []
     for number, trial in enumerate(trials):
-        longest = max(bridged, GAP_STEPS * max(step, _step(trial)))
+        longest = max(bridged, GAP_STEPS * max(step, steps[number]))
         gaps = np.flatnonzero(np.diff(trial.time) > longest)
         bounds = [0, *(gaps + 1), len(trial.time)]
         for start, stop in itertools.pairwise(bounds):
@@ -186,10 +191,6 @@ def extra_columns(trials: Sequence[Trial], device: Device) -> tuple[str, ...]:
     }
     names = dict.fromkeys(name for trial in trials for name in trial.columns if name not in own)
     return tuple(names)
-
-
-def _step(trial: Trial) -> float:
-    return float(np.median(np.diff(trial.time)))
 
 
 def _stretch(
@@ -224,5 +225,5 @@ def _stretch(
         position=np.column_stack([position(joint) for joint in device.joints]),
         effort=np.column_stack([signal(f"{joint}.effort") for joint in device.joints]),
         extra=np.column_stack([np.empty((len(time), 0)), *(signal(name) for name in extra)]),
-        measured=near_a_sample(time, raw, step),
+        measured=measured_at(time, raw, step),
     )

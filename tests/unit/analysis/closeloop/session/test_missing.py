@@ -9,8 +9,9 @@ import pytest
 from analysis.closeloop.session.contents import Session, Trial
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.missing import (
+    clock_step,
+    measured_at,
     missing_share,
-    near_a_sample,
     with_missing_counted,
     without_stale,
 )
@@ -221,5 +222,75 @@ def test_missing_samples_are_counted_and_a_jittering_clock_misses_none() -> None
     # Of a stranger's, every sixteenth sample was told as missing.
     stamps = whole.time + 0.2 * np.random.default_rng(3).standard_normal(len(whole.time)) / RATE
     assert missing_share(np.sort(stamps)) < 0.006
-    assert near_a_sample(whole.time, whole.time + jitter, 1.0 / RATE).all()
+    assert measured_at(whole.time, whole.time + jitter, 1.0 / RATE).all()
     assert with_missing_counted(whole) is whole
+
+
+def test_gaps_and_lost_samples_leave_the_step_of_a_clock_as_it_is() -> None:
+    whole = trial()
+    kept = some_missing(len(whole.time))
+    kept[500:640] = False
+    assert clock_step(whole.time[kept]) == pytest.approx(1.0 / RATE, rel=1e-9)
+
+
+def two_steps(short: float, long: float, slow: np.ndarray) -> np.ndarray:
+    """Return the stamps, s, of a clock that goes at its long step where it is slow, (n,)."""
+    return np.concatenate([[0.0], np.cumsum(np.where(slow, long, short))])
+
+
+BY_TURNS = np.arange(3000) % 200 < 70
+AT_RANDOM = np.random.default_rng(4).random(3000) < 0.15
+
+
+@pytest.mark.parametrize(
+    ("long", "slow"),
+    [
+        # Steps of another length are no lost samples, wherever they stand, ...
+        (0.0101, BY_TURNS),
+        (0.0101, AT_RANDOM),
+        (0.0101, np.arange(3000) % 2 == 0),
+        # ... nor are those twice as long if they follow each other.
+        (0.0084, BY_TURNS),
+        # A robot's that rounds its stamps.
+        (0.0050, np.arange(3000) % 3 == 0),
+    ],
+)
+def test_a_clock_of_two_steps_lost_nothing_and_has_the_mean_rate(
+    long: float, slow: np.ndarray
+) -> None:
+    """A stranger's 4.2 and 10 ms were told as every sixth sample missing, at a rate of 101 Hz."""
+    stamps = two_steps(0.0042, long, slow)
+    assert missing_share(stamps) == 0.0
+    assert clock_step(stamps) == pytest.approx(np.diff(stamps).mean(), rel=1e-9)
+    even = np.arange(0.0, stamps[-1], clock_step(stamps))
+    assert measured_at(even, stamps, clock_step(stamps)).all()
+
+
+def test_samples_that_a_clock_of_two_steps_loses_are_missing() -> None:
+    stamps = two_steps(0.0042, 0.0101, BY_TURNS)
+    # Three in a row, where it is slow: a step of four.
+    kept = np.ones(len(stamps), dtype=bool)
+    kept[1020:1023] = False
+    assert missing_share(stamps[kept]) == pytest.approx(3 / len(stamps), rel=1e-9)
+    even = np.arange(0.0, stamps[-1], clock_step(stamps))
+    seen = measured_at(even, stamps[kept], clock_step(stamps))
+    lost = (even > stamps[1020] - 0.006) & (even < stamps[1022] + 0.006)
+    assert not seen[lost].any() and seen[~lost].mean() > 0.999
+
+
+def test_an_effort_on_a_clock_of_two_steps_is_analysed_whole() -> None:
+    """At the median step, no slow stretch had enough samples for any fit."""
+    stamps = two_steps(0.0042, 0.0101, BY_TURNS)[:900]
+    q = 1.0 + 0.6 * np.sin(4.0 * stamps)
+    columns = {
+        "shoulder.position": np.zeros(len(stamps)),
+        "elbow.position": q,
+        "elbow.effort": 2.0 * np.cos(q),
+    }
+    own = Trial(file="a.csv", label="a", group="a", role="fit", time=stamps, columns=columns)
+    recording = recorded(own)
+    assert recording.sampling.recorded == pytest.approx(1.0 / np.diff(stamps).mean(), rel=1e-9)
+    assert recording.usable.all() and recording.session.trials[0].repairs == ()
+    truth = 2.0 * np.cos(1.0 + 0.6 * np.sin(4.0 * recording.time))
+    inside = slice(20, -20)
+    assert recording.effort[inside, 1] == pytest.approx(truth[inside], abs=0.005)
