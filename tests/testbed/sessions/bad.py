@@ -327,7 +327,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
     ),
     "one position that no joint reaches": (
         csv_text(lambda t: line_of(t, 12, lambda row: [*row[:2], "55", *row[3:]])),
-        "column elbow.position, line 12: jumps from .* to 55 rad .* no robot's joint does",
+        "column elbow.position, line 12: jumps from .* to 55 rad .* does nowhere else",
     ),
     "an encoder that wraps": (
         csv_text(lambda t: wrapped(t)),

@@ -105,6 +105,45 @@ def test_degrees_are_refused(folder: Folder) -> None:
     assert error.column == "elbow.position" and "degrees" in str(error) and error.line is not None
 
 
+MOTOR = """<mujoco><worldbody><body name="rotor"><joint name="shaft" axis="0 0 1"{range}/>
+<inertial pos="0 0 0" mass="0.3" diaginertia="1e-4 1e-4 1e-4"/></body></worldbody></mujoco>"""
+
+
+def fast_motor(folder: Folder, *, declared: bool) -> None:
+    """Turn the session into one of a bare motor of 1 300 turns a minute.
+
+    Args:
+        folder: of the session.
+        declared: whether the model says how far it turns.
+    """
+    rng = np.random.default_rng(6)
+    even = np.arange(4000) / 200.0
+    taken = even.copy()
+    # One that is late and does not say so, where the motor is fastest.
+    taken[1001] += 3e-3
+    angle = 5.0 * np.sin(27.0 * taken)
+    effort = -1e-4 * 27.0**2 * angle + 0.02 * rng.standard_normal(len(even))
+    folder.header = "time,shaft.position,shaft.effort"
+    folder.table = np.column_stack([even, angle, effort])
+    folder.model = MOTOR.format(range=' range="-400 400"' if declared else "")
+    folder.session["declared_effects"] = []
+
+
+def test_a_fast_motor_is_read_as_soon_as_its_range_is_declared(folder: Folder) -> None:
+    """A stranger's did what was advised, and was refused for jumps at 117 rad/s, its own speed."""
+    fast_motor(folder, declared=False)
+    assert "give a motor that is so fast a `range`" in str(refusal(folder))
+    fast_motor(folder, declared=True)
+    assert load_session(folder.write()).top_speed[0] > 100.0
+
+
+def test_a_damaged_cell_of_a_fast_motor_is_still_found(folder: Folder) -> None:
+    fast_motor(folder, declared=True)
+    folder.table[500, 1] += 3.0
+    error = refusal(folder)
+    assert error.line == 502 and "does nowhere else; remove the damaged rows" in str(error)
+
+
 @pytest.mark.parametrize("times", [0.05, 0.5, 2.0, 20.0])
 def test_a_clock_that_makes_another_speed_than_the_velocity_is_refused(
     folder: Folder, times: float
