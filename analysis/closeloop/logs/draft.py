@@ -4,7 +4,7 @@ import csv
 import json
 import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.clock import stretches
 from analysis.closeloop.logs.inspection import is_in_degrees
-from analysis.closeloop.logs.joints import joint_name
+from analysis.closeloop.logs.joints import joint_name, joints_in
 from analysis.closeloop.logs.log import Numbers
 from analysis.closeloop.logs.units import UNITS
 from intake.xml import listed
@@ -162,6 +162,7 @@ def write_session(
         folder: made if it is not there.
         joints: names by the beliefs' joint numbers.
         model: the robot's MJCF or URDF, copied; None writes the name `robot.xml` for one to come.
+            Joints of it that the log does not show are ignored in the session.
 
     Returns:
         What is left to settle, in sentences.
@@ -243,9 +244,30 @@ def write_session(
         shutil.copyfile(model, folder / name)
     else:
         remarks.append(f"put the robot's MJCF or URDF into the folder as {name}")
-    session = {"schema": 1, "model": name, "trials": trials}
+    session: dict[str, object] = {"schema": 1, "model": name, "trials": trials}
+    if model is not None and (ignored := _not_recorded(taken, joints_in(model))):
+        session["ignored_joints"] = ignored
+        remarks.append(
+            f"the log has no position of {listed(ignored)}: they are in ignored_joints of "
+            "session.json, and taken to stand still"
+        )
     (folder / "session.json").write_text(json.dumps(session, indent=2) + "\n")
     return remarks
+
+
+def _not_recorded(taken: Collection[str], known: Sequence[str]) -> list[str]:
+    """Return the joints of a model without a position among the signals `taken`.
+
+    None where one of those is of no joint that is known: it may be any of them.
+    """
+    recorded = {
+        joint
+        for joint, _, signal in (name.rpartition(".") for name in taken)
+        if signal == SIGNALS[0]
+    }
+    if not recorded <= set(known):
+        return []
+    return [joint for joint in known if joint not in recorded]
 
 
 def _of_unsure(taken: Mapping[str, Belief]) -> list[str]:

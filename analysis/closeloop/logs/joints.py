@@ -100,11 +100,13 @@ def joints_in(model: Path) -> list[str]:
         root = ElementTree.parse(model).getroot()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise SessionError(f"is no XML: {error}", file=model.name) from None
-    # A URDF names them again in its transmissions.
+    # A URDF names them again in its transmissions, and MJCF has constraints of that name.
     return list(
         dict.fromkeys(
             joint.get("name", "")
             for joint in root.iter("joint")
-            if joint.get("name") and joint.get("type", "hinge") not in ("fixed", "free", "ball")
+            if joint.get("name")
+            and joint.get("type", "hinge") not in ("fixed", "free", "ball")
+            and joint.get("joint1") is None
         )
     )

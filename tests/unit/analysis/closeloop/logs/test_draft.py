@@ -101,6 +101,22 @@ def test_a_joint_that_a_transmission_names_again_is_one_joint(tmp_path: Path) ->
     assert joints_in(tmp_path / "arm.urdf") == ["elbow"]
 
 
+def test_joints_that_the_log_does_not_show_are_ignored_in_the_session(tmp_path: Path) -> None:
+    """A stranger's arm has fingers, and its session was refused for want of their positions."""
+    finger = '<joint name="finger" type="slide"/><body><joint name="elbow"/></body>'
+    shut = '<equality><joint name="shut" joint1="finger"/></equality>'
+    model = tmp_path / "arm.xml"
+    model.write_text(f"<mujoco><worldbody><body>{finger}</body></worldbody>{shut}</mujoco>")
+    chosen = a_log(t=TIME, elbow_pos=np.sin(TIME), elbow_torque=np.cos(TIME))
+    remarks = write_session(tmp_path / "s", "log", chosen, joint_names(chosen), model)
+    assert json.loads((tmp_path / "s" / "session.json").read_text())["ignored_joints"] == ["finger"]
+    assert any("no position of finger" in remark for remark in remarks)
+    # A joint of another name may be any of the model's.
+    other = a_log(t=TIME, wrist_pos=np.sin(TIME), wrist_torque=np.cos(TIME))
+    write_session(tmp_path / "o", "log", other, joint_names(other), model)
+    assert "ignored_joints" not in json.loads((tmp_path / "o" / "session.json").read_text())
+
+
 def test_a_clock_can_be_named(tmp_path: Path) -> None:
     log = Log(
         kind="CSV",
