@@ -20,6 +20,9 @@ from analysis.closeloop.session.signals import Sampling, derivatives, rms, sampl
 #: Cutoffs that are tried, Hz, and the bounds of what the encoder's spectrum may say.
 GRID = (2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0)
 ENCODER = (8.0, 60.0)
+#: Cutoff over the recorded rate. Up to the first, accelerations at half of it, the fit's cutoff,
+#: are right to 0.2 % (`signals.slope`); at the second they are 1 % small: the torque has to ask.
+CAREFUL, MOST = 0.2, 0.3
 #: Share by which the error may exceed its least over the octave below, and by which no model that
 #: lacks something does: set on recordings of UR10e, Panda, a double pendulum and EMPS, and on the
 #: full simulation of an arm in its tissue.
@@ -63,6 +66,9 @@ def choose_sampling(
     noise ever more, so a gain of less than `NOISE` is noise only if the error grows faster than an
     octave below.
 
+    Where motion stands out beyond a fifth of the rate, slopes are less exact: a cutoff there has to
+    predict the torque better by `NOISE`.
+
     Args:
         pieces: stretches of the trials that may be fitted.
         rate: at which they were recorded, Hz.
@@ -72,7 +78,8 @@ def choose_sampling(
     """
     if session.kinematic_cutoff_hz is not None:
         return sampling_at(min(session.kinematic_cutoff_hz, 0.4 * rate), rate, "session.json")
-    highest = encoder_cutoff([piece.position[:, joints] for piece in pieces], rate)
+    clear = encoder_cutoff([piece.position[:, joints] for piece in pieces], rate)
+    highest = min(clear, CAREFUL * rate)
     tried = [*(cutoff for cutoff in GRID if cutoff < 0.99 * highest), highest]
     errors: dict[float, float] = {}
 
@@ -84,6 +91,11 @@ def choose_sampling(
     for cutoff in reversed(tried):
         if not noisy(cutoff, tried, error):
             break
+    if cutoff == highest < clear:
+        beyond = [*(other for other in GRID if highest < other < 0.99 * clear), clear]
+        best = min(beyond, key=error)
+        if error(best) < (1.0 - NOISE) * error(highest):
+            return sampling_at(best, rate, "torque")
     return sampling_at(cutoff, rate, "encoder" if cutoff == highest else "torque")
 
 
@@ -127,7 +139,7 @@ def encoder_cutoff(positions: Sequence[np.ndarray], rate: float) -> float:
             # The first frequency from which on motion no longer stands out.
             end = int(np.argmin(clear[1:])) + 1 if not clear[1:].all() else len(clear) - 1
             highest = max(highest, 1.5 * float(frequency[end]))
-    return min(highest, ENCODER[1], rate / 5.0)
+    return min(highest, ENCODER[1], MOST * rate)
 
 
 def torque_error(

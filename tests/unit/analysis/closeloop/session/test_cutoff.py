@@ -93,3 +93,30 @@ def test_a_cutoff_is_a_positive_number() -> None:
     with pytest.raises(SessionError, match=r"must be more than 0\.1"):
         _cutoff_hz(fields)
     assert replace(chosen(encoder=1e-6, own=6.0), cutoff=3.0).fit_cutoff == 1.5
+
+
+@pytest.mark.parametrize(("hertz", "quick"), [(4.0, False), (28.0, True)])
+def test_a_quick_motor_of_a_slow_log_is_smoothed_less_as_far_as_its_torque_gains(
+    hertz: float, quick: bool
+) -> None:
+    """Two strangers' bare motors lost a tenth of their torque above a fifth of the rate."""
+    rate, inertia, count = 100.0, 0.06, 2000
+    rng = np.random.default_rng(8)
+    # Every frequency up to some takes the same torque.
+    w = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / rate)
+    inside = (w > np.pi) & (w < 2.0 * np.pi * hertz)
+    waves = np.where(inside, np.exp(2j * np.pi * rng.random(len(w))), 0.0)
+    scale = 20.0 / np.std(np.fft.irfft(waves))
+    position = -scale * np.fft.irfft(waves / np.maximum(w, np.pi) ** 2)
+    effort = inertia * scale * np.fft.irfft(waves)
+    columns = {
+        "pivot.position": position + 1e-6 * rng.standard_normal(count),
+        "pivot.effort": effort + 0.02 * rng.standard_normal(count),
+    }
+    t = np.arange(count) / rate
+    trial = Trial(file="a.csv", label="a", group="a", role="fit", time=t, columns=columns)
+    session = Session(folder=Path(), model="device.xml", trials=(trial,), gravity=(0.0, 0.0, 0.0))
+    sampling = record(session, Device(mujoco.MjSpec.from_string(PENDULUM), ())).sampling
+    assert (sampling.cutoff > 0.21 * rate) == quick
+    assert sampling.cutoff <= 0.3 * rate * (1.0 + 1e-9)
+    assert not quick or sampling.cutoff_from == "torque"
