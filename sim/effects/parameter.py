@@ -41,8 +41,17 @@ class Parameter:
         return min(max(value, self.floor), self.ceiling)
 
 
+#: Unit of what waves with a hinge's angle.
+PERIODS = "periods/turn"
+
+
 def unit_at(unit: str, *, hinge: bool) -> str:
-    """Return a hinge's unit as it is, or that of a slide: N for Nm and m for rad."""
+    """Return a hinge's unit as it is, or that of a slide: N for Nm and m for rad.
+
+    A wave of k periods a turn is one of k rad a radian, and at a slide of k rad a metre.
+    """
+    if unit == PERIODS:
+        return unit if hinge else "rad/m"
     return unit if hinge else unit.replace("kg m2", "kg").replace("Nm", "N").replace("rad", "m")
 
 

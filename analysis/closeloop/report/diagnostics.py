@@ -127,7 +127,10 @@ def _fitted(recording: Recording, joint: int) -> list[slice]:
 def _order(
     recording: Recording, joint: int, samples: np.ndarray, residual: np.ndarray
 ) -> dict[str, float]:
-    """Return the strongest period over position: order (1/rad or 1/m), amplitude, clearness."""
+    """Return the strongest period over position.
+
+    Its order (periods a turn, or rad/m), amplitude and clearness.
+    """
     if not len(samples):
         return {"order": 0.0, "amplitude": 0.0, "over_median": 0.0}
     _, half = travel(recording.position[:, joint])

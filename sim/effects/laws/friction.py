@@ -18,6 +18,7 @@ from sim.effects.elements import add_damping, joint_of
 from sim.effects.functions import Signal, choose, exp, magnitude, sin
 from sim.effects.motion import Motion, RecordedJoint
 from sim.effects.parameter import (
+    PERIODS,
     RELATIVE,
     Nonlinear,
     Parameter,
@@ -247,7 +248,7 @@ class PositionDependent(Friction):
         torque_slope=size("Nm/rad", 1.0, "its slope there", low=-1.0),
         torque_curvature=size("Nm/rad2", 1.0, "half its second derivative there", low=-1.0),
         middle=Parameter("rad", "that middle", 0.5, 1.5, neutral=1.0, in_joint_frame=True),
-        order=Parameter("1/rad", "waves a turn; 0 is a parabola", 0.0, 6.0, floor=0.0, choice=True),
+        order=Parameter(PERIODS, "of a wave; 0 is a parabola", 0.0, 6.0, floor=0.0, choice=True),
     )
     lower = (0.0, -np.inf, -np.inf)
     nonlinear = (COARSE, WAVES)

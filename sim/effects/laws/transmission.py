@@ -11,6 +11,7 @@ from sim.effects.effect import AppliedEffect, Columns, Law, Limits, Theta
 from sim.effects.functions import Signal, cos, exp, sin
 from sim.effects.motion import PRESLIDING_SHARE, Motion, RecordedJoint
 from sim.effects.parameter import (
+    PERIODS,
     RELATIVE,
     Nonlinear,
     Parameter,
@@ -37,7 +38,7 @@ class TorqueRipple(Law):
     parameters = named(
         cosine=size("Nm", 1.0, "ripple, cosine part", low=-1.0),
         sine=size("Nm", 1.0, "its sine part", low=-1.0),
-        order=Parameter("1/rad", "periods a turn", 1.0, 40.0, neutral=12.0, choice=True),
+        order=Parameter(PERIODS, "of the ripple", 1.0, 40.0, neutral=12.0, choice=True),
     )
     coefficients = ("cosine", "sine")
     nonlinear = (Nonlinear("order", scaling=0.01, step=RELATIVE),)

@@ -12,7 +12,7 @@ from sim.effects.applied import AppliedEffects
 from sim.effects.catalogue import ASSESSED, BY_NAME, EFFECTS, VISCOELASTIC
 from sim.effects.effect import AppliedEffect, Effect, Law
 from sim.effects.motion import SimulatedMotion
-from sim.effects.parameter import unit_at
+from sim.effects.parameter import PERIODS, unit_at
 from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.rich import ELBOW, TRUTH, asked, torque, values
 from tests.testbed.sessions.synthetic import mjcf
@@ -98,10 +98,32 @@ def test_a_parameter_has_a_unit_a_description_and_limits_that_hold_its_range(
 
 @pytest.mark.parametrize(
     ("unit", "slide"),
-    [("Nm", "N"), ("Nm s/rad", "N s/m"), ("rad/Nm", "m/N"), ("kg m2", "kg"), ("1/rad", "1/m")],
+    [
+        ("Nm", "N"),
+        ("Nm s/rad", "N s/m"),
+        ("rad/Nm", "m/N"),
+        ("kg m2", "kg"),
+        (PERIODS, "rad/m"),
+    ],
 )
 def test_a_slide_has_newtons_and_metres(unit: str, slide: str) -> None:
     assert unit_at(unit, hinge=True) == unit and unit_at(unit, hinge=False) == slide
+
+
+@pytest.mark.parametrize("name", ["torque_ripple", "position_dependent_friction"])
+def test_an_order_counts_the_periods_of_a_turn_as_its_unit_says(name: str) -> None:
+    """Reports called it 1/rad, which a reader takes for 6.28 times as many."""
+    assert BY_NAME[name].parameters["order"].unit == PERIODS
+    model = mujoco.MjModel.from_xml_string(mjcf(Arm()))
+    data = mujoco.MjData(model)
+    given = dict.fromkeys(BY_NAME[name].parameters, 0.0) | {"order": 5.0}
+    given |= {"sine": 1.0} if name == "torque_ripple" else {"torque_slope": 1.0}
+    found = []
+    for angle in np.radians(np.arange(360.0)):
+        data.qpos[ELBOW], data.qvel[ELBOW] = angle, 1.0
+        mujoco.mj_forward(model, data)
+        found.append(BY_NAME[name].torque(given, SimulatedMotion(data, ELBOW, ELBOW)))
+    assert int(np.argmax(np.abs(np.fft.rfft(np.array(found))))) == 5
 
 
 @every_effect
