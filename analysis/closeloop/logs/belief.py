@@ -142,6 +142,8 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
         return "unknown", channel.unit or unit or "?", "", ""
     spare = {*WORDS[named], *WANTED, *SPARE}
     stem = "_".join(word for word in _tokens(rest) if word not in spare)
+    # What a torque was made of is no part of its joint's name.
+    stem = stem.partition("_from_")[0]
     return named, channel.unit or unit or "?", stem, why
 
 

@@ -105,9 +105,11 @@ def _number_joints(beliefs: list[Belief]) -> None:
     joints = {n: rank for rank, n in enumerate(sorted(numbers, key=int))} if numbered else {}
     motion = ("position", "velocity", "acceleration", "effort", "current")
     own = [at for at, b in enumerate(beliefs) if b.quantity in motion]
-    # A motor's current beside efforts may go without a joint's name.
+    # A motor's current beside efforts may go without a joint's name, and so may a command.
     spare = "current" if any(b.quantity == "effort" for b in beliefs) else ""
-    named = all(beliefs[at].stem for at in own if beliefs[at].quantity != spare)
+    named = all(
+        beliefs[at].stem for at in own if beliefs[at].quantity != spare and not beliefs[at].wanted
+    )
     counts: dict[tuple[str, bool], int] = {}
     for at in sorted(own, key=lambda at: motion.index(beliefs[at].quantity)):
         belief = beliefs[at]

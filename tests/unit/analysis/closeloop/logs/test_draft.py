@@ -286,6 +286,24 @@ def test_an_effort_and_a_position_whose_names_part_them_are_told_with_what_to_ty
     assert of_parted_joints(found, joint_names(found)) == []
 
 
+def test_what_a_torque_was_made_of_is_no_joint_s_name(tmp_path: Path) -> None:
+    """A stranger's torque of the ankle was that of a joint ankle_from_current, with the motor's
+    angle for its position: a command without a name hid all others.
+    """
+    found = a_log(
+        t=TIME,
+        motor_angle=50 * np.cos(TIME),
+        ankle_angle=np.sin(TIME),
+        ankle_torque_from_current=np.cos(2 * TIME),
+        commanded_position=50 * np.cos(TIME) + 0.1,
+    )
+    write_session(tmp_path / "s", "log", found, joint_names(found))
+    names, numbers = table(tmp_path / "s" / "log.csv")
+    assert {"motor.position", "ankle.position", "ankle.effort"} <= set(names)
+    at = names.index("ankle.effort")
+    assert numbers[:, at] == pytest.approx(np.cos(2 * TIME), abs=1e-6)
+
+
 def test_signals_of_one_kind_without_a_unit_are_told_of_at_once(tmp_path: Path) -> None:
     """There was a line for each of the eighteen signals of a robot."""
     signals = {"a_pos": np.sin(TIME), "b_pos": np.cos(TIME), "a_torque": TIME**2, "t": TIME}
