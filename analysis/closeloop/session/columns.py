@@ -7,7 +7,7 @@ The map says in which lines or columns the signals stand and how their numbers b
 import csv
 import io
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite, pi
 from pathlib import Path
 from typing import Any
@@ -121,7 +121,7 @@ def translated(
     """Return the contract's column names, their table (n, columns), its first line, and repairs.
 
     A first line of numbers alone is a sample, of a log without a header. A last line that was cut
-    off is left out.
+    off is left out. Empty cells of a log with one sample a line are masked.
 
     Raises:
         SessionError: a signal is missing or holds something that is not a number.
@@ -133,7 +133,7 @@ def translated(
         del lines[-1]
     take = _row if columns.layout == "rows" else _column
     signals = {
-        name: source.scale * np.array(take(lines, source, name, file), dtype=float) + source.offset
+        name: source.scale * masked(take(lines, source, name, file)) + source.offset
         for name, source in columns.sources.items()
     }
     lengths = {name: len(values) for name, values in signals.items()}
@@ -148,7 +148,19 @@ def translated(
         count = next(iter(lengths.values()))
         signals = {"time": np.arange(count) / columns.rate_hz, **signals}
     first = 1 if columns.layout == "columns" and _all_numbers(lines[:1]) else 2
-    return list(signals), np.column_stack(list(signals.values())), first, repairs
+    return list(signals), np.ma.column_stack(list(signals.values())), first, repairs
+
+
+def masked(numbers: Sequence[float | None] | Sequence[Sequence[float | None]]) -> np.ndarray:
+    """Return numbers as an array of their shape, masked where there is none: an empty cell.
+
+    A cell that says nan is no empty one, and whoever wrote it is asked what it means.
+    """
+    values = np.array(numbers, dtype=float)
+    empty = np.isnan(values)
+    cells = np.array(numbers, dtype=object)[empty]
+    empty[empty] = [cell is None for cell in cells]
+    return np.ma.masked_array(values, empty)
 
 
 def _all_numbers(lines: list[list[str]]) -> bool:
@@ -185,7 +197,7 @@ def check_width(cells: list[str], header: list[str], file: str, line: int) -> No
         )
 
 
-def _row(lines: list[list[str]], source: Source, name: str, file: str) -> list[float]:
+def _row(lines: list[list[str]], source: Source, name: str, file: str) -> list[float | None]:
     assert isinstance(source.signal, int)
     if source.signal > len(lines):
         why = f"is missing: the map takes it from line {source.signal}, and there are {len(lines)}"
@@ -194,7 +206,7 @@ def _row(lines: list[list[str]], source: Source, name: str, file: str) -> list[f
     return [_parsed(cell, name, file, source.signal) for cell in cells]
 
 
-def _column(lines: list[list[str]], source: Source, name: str, file: str) -> list[float]:
+def _column(lines: list[list[str]], source: Source, name: str, file: str) -> list[float | None]:
     header = [cell.strip() for cell in lines[0]] if lines else []
     first = 1 if _all_numbers(lines[:1]) else 2
     if isinstance(source.signal, int):
@@ -209,10 +221,11 @@ def _column(lines: list[list[str]], source: Source, name: str, file: str) -> lis
             f"{', '.join(header[:20])[:200] or 'nothing'}"
         )
         raise SessionError(why, file=file, column=name, line=1)
-    numbers = []
+    numbers: list[float | None] = []
     for number, cells in enumerate(lines[first - 1 :], start=first):
         check_width(cells, header, file, number)
-        numbers.append(_parsed(cells[at], name, file, number))
+        cell = cells[at].strip()
+        numbers.append(_parsed(cell, name, file, number) if cell else None)
     return numbers
 
 

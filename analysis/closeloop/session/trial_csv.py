@@ -11,6 +11,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.columns import (
     check_width,
     csv_lines,
+    masked,
     no_number,
     translated,
 )
@@ -26,6 +27,8 @@ MAX_COLUMNS = 500
 MIN_SAMPLES = 50
 #: Share of a file's samples that may be left out for a missing cell or as copies.
 MOST_LEFT_OUT = 0.01
+#: Signals of a joint.
+OF_JOINTS = ("position", "velocity", "acceleration", "effort")
 #: Larger than seconds since 1970 and any torque or force.
 MAX_VALUE = 1e12
 #: By so much (s) may `from` and `to` lie outside of a file without a word.
@@ -61,12 +64,16 @@ def read_trial(
         lines = np.arange(first, first + len(table))
     else:
         names, table, lines, repairs = _own_table(text, trial.file, joints, declared)
+    empty, table = np.ma.getmaskarray(table), np.ma.getdata(table)
     # What is not of the trial may be damaged.
     if trial.span != WHOLE:
         clock = table[:, names.index(TIME)]
         within = (trial.span[0] <= clock) & (clock <= trial.span[1])
         repairs = [*repairs, *_beyond(trial, clock)]
-        table, lines = table[within], lines[within]
+        table, lines, empty = table[within], lines[within], empty[within]
+    keep, whole = _whole_cells(names, empty, lines, joints, trial.file, repairs)
+    names = [name for name, kept in zip(names, keep, strict=True) if kept]
+    table, lines = table[whole][:, keep], lines[whole]
     _check_values(table, names, lines, trial.file)
     once = _first_of_each(table, lines, trial.file, repairs)
     table, lines = table[once], lines[once]
@@ -162,8 +169,8 @@ def _numbers(body: str, names: list[str], file: str) -> tuple[np.ndarray, np.nda
     """Parse the lines below the header fast; only a file with a fault is read line by line.
 
     Returns:
-        Numbers of shape (n, columns); the line of each row, (n,); what was left out. A line with an
-        empty cell is a sample that the logger missed; a last line without its end was cut off.
+        Numbers of shape (n, columns), masked where a cell is empty; the line of each row, (n,);
+        what was left out: a last line without its end was cut off.
     """
     if not body.strip():
         return np.empty((0, len(names))), np.empty(0, dtype=int), []
@@ -174,9 +181,8 @@ def _numbers(body: str, names: list[str], file: str) -> tuple[np.ndarray, np.nda
             return table, np.arange(2, len(table) + 2), []
     except (ValueError, UserWarning):
         pass
-    rows: list[list[float]] = []
+    rows: list[list[float | None]] = []
     lines: list[int] = []
-    empty: list[tuple[int, str]] = []
     last = body.count("\n") + 2
     repairs = []
     for number, cells in enumerate(csv_lines(body, file), start=2):
@@ -186,22 +192,46 @@ def _numbers(body: str, names: list[str], file: str) -> tuple[np.ndarray, np.nda
             repairs.append(f"line {number} is cut off, and was left out")
             continue
         check_width(cells, names, file, number)
-        missing = next((n for n, cell in zip(names, cells, strict=True) if not cell.strip()), None)
-        if missing is not None:
-            empty.append((number, missing))
-            continue
+        row: list[float | None] = []
         for name, cell in zip(names, cells, strict=True):
             try:
-                float(cell)
+                row.append(float(cell) if cell.strip() else None)
             except ValueError:
                 raise no_number(cell, name, file, number) from None
-        rows.append([float(cell) for cell in cells])
+        rows.append(row)
         lines.append(number)
-    if empty:
-        line, name = empty[0]
-        _require_few(len(empty), len(rows) + len(empty), "is empty", file, name, line)
-        repairs.append(f"{len(empty)} samples with an empty cell were left out")
-    return np.array(rows, dtype=float).reshape(len(rows), len(names)), np.array(lines), repairs
+    return masked(rows).reshape(len(rows), len(names)), np.array(lines), repairs
+
+
+def _whole_cells(
+    names: list[str],
+    empty: np.ndarray,
+    lines: np.ndarray,
+    joints: tuple[str, ...],
+    file: str,
+    repairs: list[str],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return which columns and which samples are kept of a table with empty cells; note the others.
+
+    A line with one is a sample that the logger missed. A column that no joint needs is left out as
+    a whole if it has more of them: some are written only now and then.
+    """
+    needed = {TIME, *(f"{joint}.{signal}" for joint in joints for signal in OF_JOINTS)}
+    share = empty.mean(axis=0) if len(empty) else np.zeros(len(names))
+    spare = np.array([name not in needed for name in names]) & (share > MOST_LEFT_OUT)
+    for at in np.flatnonzero(spare):
+        count = int(empty[:, at].sum())
+        repairs.append(
+            f"column {names[at]} is empty in {count} of {len(empty)} samples, and was left out"
+        )
+    lacking = empty & ~spare
+    missed = lacking.any(axis=1)
+    if missed.any():
+        row = int(np.argmax(missed))
+        name, count = names[int(np.argmax(lacking[row]))], int(missed.sum())
+        _require_few(count, len(empty), "is empty", file, name, int(lines[row]))
+        repairs.append(f"{count} samples with an empty cell were left out")
+    return np.logical_not(spare), np.logical_not(missed)
 
 
 def _require_few(count: int, among: int, what: str, file: str, column: str, line: int) -> None:

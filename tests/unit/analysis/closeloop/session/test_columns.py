@@ -77,6 +77,59 @@ def test_a_log_without_a_clock_has_a_rate(tmp_path: Path) -> None:
     assert read.trials[0].time == pytest.approx(rows()[:, 0], abs=1e-9)
 
 
+def with_empty(path: Path, phase: list[int], effort: list[int]) -> Path:
+    """Write a log with a gait's phase that nobody needs, and a session that maps it.
+
+    Args:
+        path: of the folder.
+        phase: samples at which the phase is empty.
+        effort: samples at which the effort is.
+    """
+    table = [[f"{x:.9g}" for x in row] for row in rows()[:, [0, 1, 2, 4]]]
+    for number, row in enumerate(table):
+        row[3] = "" if number in effort else row[3]
+        row.append("" if number in phase else "0.5")
+    names = ["t", "q0", "q1", "tau", "phase"]
+    (path / "log.txt").write_text("\n".join(",".join(row) for row in [names, *table]) + "\n")
+    signals = ["time", "shoulder.position", "elbow.position", "elbow.effort", "gait_phase"]
+    return session(path, {"map": dict(zip(signals, names, strict=True))})
+
+
+def test_a_column_of_no_joint_with_empty_cells_is_left_out_as_a_whole(tmp_path: Path) -> None:
+    """A stranger's walk, whose phase begins with the first steps, was refused."""
+    (trial,) = load_session(with_empty(tmp_path, [*range(300)], [])).session.trials
+    assert len(trial.time) == len(rows()) and "gait_phase" not in trial.columns
+    assert "column gait_phase is empty in 300 of 2000 samples, and was left out" in trial.repairs
+
+
+def test_few_empty_cells_of_a_mapped_log_are_samples_that_it_missed(tmp_path: Path) -> None:
+    (trial,) = load_session(with_empty(tmp_path, [7], [50, 51])).session.trials
+    assert len(trial.time) == len(rows()) - 3 and "gait_phase" in trial.columns
+    assert "3 samples with an empty cell were left out" in trial.repairs
+
+
+def test_an_effort_with_many_empty_cells_is_refused_by_line(tmp_path: Path) -> None:
+    with pytest.raises(SessionError, match=r"elbow\.effort, line 102: is empty, as in 300 of 2000"):
+        load_session(with_empty(tmp_path, [], [*range(100, 400)]))
+
+
+@pytest.mark.parametrize("column", [4, 5])
+def test_an_own_table_is_read_alike(tmp_path: Path, column: int) -> None:
+    header = ["time", "shoulder.position", "elbow.position", "elbow.velocity", "elbow.effort"]
+    table = [[*(f"{x:.9g}" for x in row), "0.5"] for row in rows()]
+    for row in table[100:400]:
+        row[column] = ""
+    lines = [",".join(row) for row in [[*header, "gait_phase"], *table]]
+    (tmp_path / "log.txt").write_text("\n".join(lines) + "\n")
+    folder = session(tmp_path, None)
+    if column == 4:
+        with pytest.raises(SessionError, match=r"elbow\.effort, line 102: is empty, as in 300"):
+            load_session(folder)
+        return
+    (trial,) = load_session(folder).session.trials
+    assert "gait_phase" not in trial.columns and len(trial.time) == len(rows())
+
+
 def bench(path: Path, *, lines: int = 33) -> np.ndarray:
     """Write a bench log of an elbow swing; return its positions in rad, (n, 4)."""
     t = np.arange(1200) / 100.0
