@@ -30,7 +30,7 @@ from analysis.designs.points import (
 from analysis.designs.radial import radial_row
 from analysis.designs.saltelli import saltelli_row
 from analysis.designs.shapley import shapley_orders, shapley_row
-from analysis.designs.trajectories import grouped_row, trajectory_row
+from analysis.designs.trajectories import TRAJECTORIES, grouped_row, trajectory_row
 
 #: Elementary effects for screening; variance-based indices; these with those of pairs of factors;
 #: Shapley effects, the only ones of factors that depend on each other; variance-based indices by a
@@ -68,6 +68,7 @@ __all__ = [
     "METHODS",
     "SAMPLINGS",
     "SINGLE_POINTS",
+    "TRAJECTORIES",
     "WITH_INDICES",
     "blocks_of",
     "family",
@@ -82,8 +83,8 @@ __all__ = [
 
 
 def samplings(method: str) -> tuple[str, ...]:
-    """Return the samplings of a method: `SAMPLINGS`, and "trajectories" (Morris 1991) of morris."""
-    return (*SAMPLINGS, "trajectories") if method == "morris" else SAMPLINGS
+    """Return the samplings of a method: `SAMPLINGS`, and `TRAJECTORIES` (Morris 1991) of morris."""
+    return (*SAMPLINGS, *TRAJECTORIES) if method == "morris" else SAMPLINGS
 
 
 def family(method: str) -> str:
@@ -165,18 +166,18 @@ def unit_row(
     """
     _check(method, sampling)
     row_width(method, factors if units is None else len(units))
-    if units is not None and method == "morris" and sampling != "trajectories":
+    if units is not None and method == "morris" and sampling not in TRAJECTORIES:
         raise ValueError(
-            "groups of morris move along trajectories: choose the sampling of that name"
+            "groups of morris move along trajectories: choose sampling random_trajectories"
         )
     if not 0 <= seed < 2**64:
         raise ValueError(f"seed must be an integer from 0 to 2**64 - 1, not {seed}")
     if row < 0:
         raise ValueError(f"row must not be negative, but is {row}")
-    if sampling == "trajectories":
+    if sampling in TRAJECTORIES:
         if units is not None:
-            return grouped_row(seed, row, factors, units)
-        return trajectory_row(seed, row, factors)
+            return grouped_row(sampling, seed, row, factors, units)
+        return trajectory_row(sampling, seed, row, factors)
     if units is not None and method in ("shapley", *SINGLE_POINTS):
         raise ValueError(f"{method} shares the variance among single factors, not groups")
     if correlation is not None and method not in DEPENDENT:

@@ -25,6 +25,7 @@ class Purpose(IntEnum):
     ORDER = 6
     GROUP = 7
     SCRAMBLE = 8
+    WALK = 9
 
 
 class _Philox(threading.local):

@@ -18,7 +18,7 @@ from scipy.special import ndtri
 
 from analysis.designs import SINGLE_POINTS, family
 from analysis.designs.radial import MEAN_INVERSE_STEP
-from analysis.designs.trajectories import STEP
+from analysis.designs.trajectories import STEP, TRAJECTORIES
 from analysis.sensitivity.estimators import Estimator, Statistic
 from analysis.sensitivity.estimators.bootstrap import percentiles
 
@@ -177,6 +177,6 @@ def _dummy(estimator: Estimator, column: int) -> NDArray[np.float64]:
     p = estimator.weighted_mean(column)
     if family(estimator.method) != "morris":
         return np.ones_like(p)
-    inverse_step = 1.0 / STEP if estimator.sampling == "trajectories" else MEAN_INVERSE_STEP
+    inverse_step = 1.0 / STEP if estimator.sampling in TRAJECTORIES else MEAN_INVERSE_STEP
     dummy: NDArray[np.float64] = 2.0 * p * (1.0 - p) * inverse_step
     return dummy

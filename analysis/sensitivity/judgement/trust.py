@@ -36,6 +36,12 @@ ENOUGH_RUNS = 500.0
 _SURE_LEVEL = 0.99
 #: What is above 1 by less would be said to be "at least 1".
 _CLEARLY_ABOVE_ONE = 1.005
+#: What is wrong with indices from trajectories that lie far apart (docs/decisions/0015).
+_OUTER_LEVELS = (
+    "sampling trajectories takes outer levels more often than inner ones, so indices of factors "
+    "that interact are not those of the distributions that were asked for, and those of sampling "
+    "random_trajectories are"
+)
 _SHARES = {"first_order": "a first-order index", "total_order": "a total-order index"}
 
 
@@ -70,7 +76,7 @@ def judge(
     runs = int(estimator.independent_runs()[output])
     kurtosis = float(estimator.kurtosis()[output])
     effective = runs / kurtosis
-    reasons = []
+    reasons = [_OUTER_LEVELS] if estimator.sampling == "trajectories" and rows else []
     if rows >= FEWEST_ROWS:
         few = kurtosis > estimator.heavy_kurtosis and effective < ENOUGH_RUNS
         # Nothing speaks against a tail where the other is unknown (nan), or has no such powers.
@@ -100,15 +106,15 @@ def judge(
                     f"{share} of {name} is at least {least:.3g}, and truly never more than 1, so "
                     "the rows are too few for a share of the variance"
                 )
-    sentence = f"Do not trust these intervals: {'; '.join(reasons)}." if reasons else ""
+    said = [f"Do not trust these intervals: {'; '.join(reasons)}."] if reasons else []
     if 0 < rows < FEWEST_ROWS:
-        sentence = f"Intervals of fewer than {FEWEST_ROWS} rows are not to be believed yet."
+        said.insert(0, f"Intervals of fewer than {FEWEST_ROWS} rows are not to be believed yet.")
     return Trust(
         runs=runs,
         effective_runs=effective if isfinite(effective) else None,
         unseen=3.0 / runs if runs >= 3 else None,
         trusted=None if rows < FEWEST_ROWS else not reasons,
-        sentence=sentence,
+        sentence=" ".join(said),
     )
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.designs import family
 from analysis.designs.radial import SMALLEST_STEP
-from analysis.designs.trajectories import STEP
+from analysis.designs.trajectories import STEP, TRAJECTORIES
 from analysis.sensitivity.estimators import Estimate, Estimator, Statistic
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ def worst_case(
                 seen, np.maximum(low, np.fmin(0.0, seen.low)), np.minimum(high, 1.0)
             )
         return found
-    step = STEP if estimator.sampling == "trajectories" else SMALLEST_STEP
+    step = STEP if estimator.sampling in TRAJECTORIES else SMALLEST_STEP
     largest = range_ / step
     ends = {name: statistics[name].estimate(level) for name in ("mu", "mu_star", "sigma")}
     missing = 1.0 - statistics["mu"].n / rows

@@ -65,8 +65,8 @@ def submit(
     sampling: Annotated[
         str | None,
         typer.Option(
-            help="owen_blocks, sobol_blocks, sobol, sobol_paired, latin_hypercube, or trajectories "
-            "for morris. Default: owen_blocks."
+            help="owen_blocks, sobol_blocks, sobol, sobol_paired, latin_hypercube; for morris, "
+            "random_trajectories or trajectories, too. Default: owen_blocks."
         ),
     ] = None,
     priority: Annotated[int | None, optional(help="Higher is sooner. Default: 0.")] = None,

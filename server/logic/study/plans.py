@@ -6,7 +6,14 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Any
 
-from analysis.designs import DEPENDENT, METHODS, SINGLE_POINTS, fewest_factors, samplings
+from analysis.designs import (
+    DEPENDENT,
+    METHODS,
+    SINGLE_POINTS,
+    TRAJECTORIES,
+    fewest_factors,
+    samplings,
+)
 from analysis.designs.dependence import KINDS, Dependence, DependenceError, copula
 from analysis.designs.distributions import Distribution
 from analysis.designs.groups import fault_in, units_of
@@ -171,10 +178,10 @@ def _check_groups(
         raise InvalidStudyError(f"/groups/{fault[0]}", fault[1])
     if groups and method in ("shapley", *SINGLE_POINTS):
         raise InvalidStudyError("/groups", f"{method} looks at single factors, not at groups")
-    if groups and method == "morris" and sampling != "trajectories":
+    if groups and method == "morris" and sampling not in TRAJECTORIES:
         raise InvalidStudyError(
             "/sampling",
-            "groups of morris move along trajectories: sampling must be trajectories, not "
+            "groups of morris move along trajectories: sampling must be random_trajectories, not "
             f"{sampling}",
         )
 

@@ -70,12 +70,18 @@ def test_groups_of_one_factor_each_change_no_bit() -> None:
             grouped = unit_row(method, "owen_blocks", 3, row, 3, units=alone)
             assert np.array_equal(grouped, unit_row(method, "owen_blocks", 3, row, 3))
     for row in range(9):
-        grouped = unit_row("morris", "trajectories", 3, row, 3, units=alone)
-        assert np.array_equal(grouped, unit_row("morris", "trajectories", 3, row, 3))
+        grouped = unit_row("morris", "random_trajectories", 3, row, 3, units=alone)
+        assert np.array_equal(grouped, unit_row("morris", "random_trajectories", 3, row, 3))
+
+
+def test_groups_of_a_study_begun_along_trajectories_far_apart_stay_as_they_were() -> None:
+    expected = [[0.125, 0.875, 0.875], [0.125, 0.375, 0.875], [0.625, 0.375, 0.375]]
+    grouped = unit_row("morris", "trajectories", 3, 4, 3, units=PLACES)
+    assert grouped.tolist() == expected
 
 
 def test_a_trajectory_moves_every_factor_of_a_group_by_two_levels_at_once() -> None:
-    rows = rows_of("morris", "trajectories", 40)
+    rows = rows_of("morris", "random_trajectories", 40)
     steps = np.abs(np.diff(rows, axis=1))
     assert set(np.unique(steps.round(12))) == {0.0, 0.5}
     assert np.array_equal(steps[:, :, 0], steps[:, :, 2])
@@ -115,9 +121,9 @@ def test_salib_says_the_same_of_groups_on_the_same_samples() -> None:
 
 
 def test_salib_says_the_same_of_elementary_effects_of_groups() -> None:
-    points = rows_of("morris", "trajectories", 30)
+    points = rows_of("morris", "random_trajectories", 30)
     values = ishigami(points)
-    ours = MorrisEstimator(sampling="trajectories", seed=3, factors=2, outputs=1)
+    ours = MorrisEstimator(sampling="random_trajectories", seed=3, factors=2, outputs=1)
     ours.add_rows(range(30), values[..., None])
     theirs = salib_morris.analyze(
         PROBLEM, points.reshape(-1, 3), values.ravel(), num_levels=4, num_resamples=2
@@ -165,7 +171,7 @@ def results(of: StudyPlan) -> list[LoggedResult]:
     [
         ("saltelli", "owen_blocks"),
         ("saltelli_second_order", "owen_blocks"),
-        ("morris", "trajectories"),
+        ("morris", "random_trajectories"),
     ],
 )
 def test_a_study_says_its_indices_of_groups(method: str, sampling: str) -> None:
@@ -238,5 +244,5 @@ def test_groups_that_are_none_are_a_sentence(
 
 
 def test_groups_of_morris_move_along_trajectories_only() -> None:
-    with pytest.raises(ValueError, match="groups of morris move along trajectories"):
+    with pytest.raises(ValueError, match="choose sampling random_trajectories"):
         unit_row("morris", "owen_blocks", 3, 0, 3, units=PLACES)

@@ -24,6 +24,7 @@ from analysis.designs.distributions import LogUniform, Normal, Uniform
 from analysis.designs.points import LATIN_HYPERCUBE_ROWS, _sobol_points, sobol
 from analysis.designs.radial import SMALLEST_STEP, legs
 from analysis.designs.streams import Purpose, bits, bits_of
+from analysis.designs.trajectories import TRAJECTORIES
 
 SEEDS = st.integers(0, 2**64 - 1)
 EVERY_DESIGN = list(product(METHODS, SAMPLINGS))
@@ -40,7 +41,9 @@ def test_every_point_lies_strictly_inside_the_cube(
     assert np.all((points > 0.0) & (points < 1.0))
 
 
-@pytest.mark.parametrize(("method", "sampling"), [*EVERY_DESIGN, ("morris", "trajectories")])
+@pytest.mark.parametrize(
+    ("method", "sampling"), [*EVERY_DESIGN, *(("morris", walk) for walk in TRAJECTORIES)]
+)
 def test_many_rows_at_once_are_those_that_are_asked_for_one_by_one(
     method: str, sampling: str
 ) -> None:

@@ -41,7 +41,7 @@ def test_a_saltelli_design_of_any_order_is_recognised_and_estimated() -> None:
         assert np.array_equal(independent, design[:, :2].swapaxes(0, 1))
 
 
-@pytest.mark.parametrize("sampling", ["sobol", "trajectories"])
+@pytest.mark.parametrize("sampling", ["sobol", "trajectories", "random_trajectories"])
 def test_a_morris_design_is_recognised_and_estimated(sampling: str) -> None:
     x = np.concatenate([unit_row("morris", sampling, 4, row, 3) for row in range(12)])
     found = layout.recognise(x)

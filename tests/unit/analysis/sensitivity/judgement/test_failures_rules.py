@@ -127,7 +127,12 @@ def test_indices_below_a_dummys_show_that_some_factor_matters(below: float, depe
 
 
 @pytest.mark.parametrize(
-    ("sampling", "inverse"), [("trajectories", 1.0 / STEP), ("owen_blocks", MEAN_INVERSE_STEP)]
+    ("sampling", "inverse"),
+    [
+        ("trajectories", 1.0 / STEP),
+        ("random_trajectories", 1.0 / STEP),
+        ("owen_blocks", MEAN_INVERSE_STEP),
+    ],
 )
 def test_a_dummys_mean_effect_is_that_of_two_runs_of_which_one_fails(
     sampling: str, inverse: float

@@ -21,6 +21,7 @@ class Sums:
     heavy_kurtosis: float = 6.0
     #: `kurtosis_of_y` if None.
     other: float | None = None
+    sampling: str = "owen_blocks"
 
     @property
     def effects(self) -> Any:

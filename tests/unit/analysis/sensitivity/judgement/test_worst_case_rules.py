@@ -94,7 +94,8 @@ def test_no_share_is_bounded_above_one_unless_its_interval_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sampling", "step"), [("trajectories", STEP), ("owen_blocks", SMALLEST_STEP)]
+    ("sampling", "step"),
+    [("trajectories", STEP), ("random_trajectories", STEP), ("owen_blocks", SMALLEST_STEP)],
 )
 def test_a_hidden_effect_is_the_range_over_the_smallest_step_at_most(
     sampling: str, step: float

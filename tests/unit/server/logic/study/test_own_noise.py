@@ -100,7 +100,7 @@ def test_runs_of_a_row_share_their_seed_but_the_one_that_differs_by_it() -> None
 
 
 def test_screening_draws_new_seeds_in_every_row_though_it_has_few_levels() -> None:
-    plan = drawn(rows=16, method="morris", sampling="trajectories")
+    plan = drawn(rows=16, method="morris", sampling="random_trajectories")
     seeds = {
         point(plan, row, values)["model_seed"]
         for row in range(plan.rows)

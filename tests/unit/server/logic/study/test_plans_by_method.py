@@ -194,7 +194,7 @@ def test_a_study_of_groups_has_as_many_runs_a_row_as_groups_need(plan: Drawing) 
         (
             {"groups": {"g": ["x1", "x2"]}, "method": "morris"},
             "/sampling",
-            "sampling must be trajectories, not sobol",
+            "sampling must be random_trajectories, not sobol",
         ),
         (
             {"groups": {"g": ["x1", "x2", "x3"]}, "method": "saltelli_second_order"},
