@@ -47,6 +47,7 @@ def remarks(snapshot: Mapping[str, Any], output: str, target: float | None = Non
     found.append(_worst_case(snapshot, output))
     found.append(_ranking(said_of(snapshot, output).get("ranking", {}), output))
     found.append(str(said_of(snapshot, output).get("trust", {}).get("sentence", "")))
+    found.append(_few_runs_at_points(snapshot, output))
     found.append(_above_one(snapshot, output))
     found.append(_screened(said_of(snapshot, output).get("screening"), output))
     found.append(_no_single_stiffness(snapshot, output))
@@ -177,6 +178,17 @@ def _few_rows(snapshot: Mapping[str, Any], output: str) -> str:
         f"Few rows make up the total-order index of {which} on {output}: as many as "
         f"{min(few.values()):.1f} of equal size would, of {snapshot['rows_used']:,}. Its interval "
         "may miss the truth more often than it says; more rows make it honest."
+    )
+
+
+def _few_runs_at_points(snapshot: Mapping[str, Any], output: str) -> str:
+    """Return at how many points of a curve few runs make up the variance."""
+    curve = snapshot.get("curves", {}).get(output, {})
+    if not (places := curve.get("on_few_runs")):
+        return ""
+    return (
+        f"At {len(places)} of {len(curve['axis'])} points of {output} few runs make up the "
+        "variance: intervals and bands may miss the truth there more often than they say."
     )
 
 

@@ -8,7 +8,7 @@
                "second_order": [{"factors": [factor, factor], "value", "low", "high", "n"}]},
      "components": [{"share": {"value", "low", "high"}, "shape": [],
                      "factors": {factor: {index: {"value", "low", "high"}}}}],
-     "held", "ranking", "screening", "trust"}
+     "held", "ranking", "screening", "trust", "on_few_runs": []}
 
     LINE: {"value": [], "low": [], "high": [], "band_low": [], "band_high": []}
 
@@ -18,7 +18,9 @@ places are "axis". Every interval holds its own point as often as the snapshot's
 "whole" has the generalised indices (`analysis.sensitivity.curves.whole`), "components" the
 principal components, of which the curve's coefficients hold the share "held"
 (`analysis.sensitivity.curves.components`). "ranking" and "screening" are those of the whole curve,
-"trust" that of the point with the largest variance. What is not defined is null.
+"trust" that of the point with the largest variance. "on_few_runs" are the places on the axis where
+intervals and bands may not hold, since few runs make up the variance there. What is not defined is
+null.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -31,7 +33,7 @@ from numpy.typing import NDArray
 
 from analysis.designs import family
 from analysis.json_values import number, plain
-from analysis.sensitivity.curves.bands import band_level
+from analysis.sensitivity.curves.bands import band_level, least_half
 from analysis.sensitivity.curves.components import components
 from analysis.sensitivity.curves.estimator import CurveEstimator
 from analysis.sensitivity.curves.points import looked_at
@@ -39,7 +41,7 @@ from analysis.sensitivity.curves.whole import generalised
 from analysis.sensitivity.estimators import OF_PAIRS, Estimate, Statistic
 from analysis.sensitivity.judgement.ranking import RANKED_BY, rank
 from analysis.sensitivity.judgement.screening import influence
-from analysis.sensitivity.judgement.trust import judge
+from analysis.sensitivity.judgement.trust import FEWEST_ROWS, judge, on_few_runs
 from models.curves import Curve
 
 #: Some factors of a group go up where others go down: of its effects these mean nothing.
@@ -85,6 +87,7 @@ def findings(
     leading = components(estimator, float(np.nansum(variance)), level)
     known = np.where(np.isfinite(variance), variance, -1.0)
     trust = judge(points, statistics, int(np.argmax(known)), name)
+    enough = int(points.effects.max(initial=0)) >= FEWEST_ROWS
     screening = influence(whole["factors"], points.method, trusted=trust.trusted is True)
 
     def _signed(index: str, factor: str) -> bool:
@@ -132,6 +135,7 @@ def findings(
         "ranking": {"by": by, **(_EMPTY if ranking is None else plain(ranking))},
         "screening": plain(screening),
         "trust": plain(trust),
+        "on_few_runs": axis[on_few_runs(points)].tolist() if enough else [],
     }
 
 
@@ -177,8 +181,15 @@ def _lines(found: Statistic, level: float) -> list[dict[str, Any]]:
     lines = []
     for f in range(found.n.shape[-1]):
         one = _only(found, f)
-        band = one.estimate(band_level(one.without[..., 0], one.present[..., 0], level))
-        top = band.high[:, 0]
+        blocks = one.without[..., 0], one.present[..., 0]
+        single = band_level(*blocks, level)
+        band = one.estimate(single)
+        value, bottom, top = band.value[:, 0], band.low[:, 0], band.high[:, 0]
+        half = least_half(*blocks, one.weighted[1:, :, 0], single)
+        # `minimum` and `maximum` keep what is unknown.
+        bottom, top = np.minimum(bottom, value - half), np.maximum(top, value + half)
+        if found.power is not None:
+            bottom = np.maximum(bottom, 0.0)
         if found.whole is not None:
             # No share is truly above 1 (Sobol 1993), whatever few rows cannot rule out.
             top = np.minimum(top, np.maximum(inside.high[:, f], 1.0))
@@ -187,7 +198,7 @@ def _lines(found: Statistic, level: float) -> list[dict[str, Any]]:
                 "value": _numbers(inside.value[:, f]),
                 "low": _numbers(inside.low[:, f]),
                 "high": _numbers(inside.high[:, f]),
-                "band_low": _numbers(band.low[:, 0]),
+                "band_low": _numbers(bottom),
                 "band_high": _numbers(top),
             }
         )

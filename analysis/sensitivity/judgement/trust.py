@@ -61,6 +61,21 @@ class Trust:
     sentence: str
 
 
+def on_few_runs(estimator: Estimator) -> NDArray[np.bool_]:
+    """Return which outputs' variance, or largest effects, few runs make up (Kish 1965).
+
+    Shape (outputs,).
+    """
+    kurtosis = estimator.kurtosis()
+    with np.errstate(invalid="ignore"):
+        few = kurtosis > estimator.heavy_kurtosis
+        few &= estimator.independent_runs() / kurtosis < ENOUGH_RUNS
+        # Nothing speaks against a tail where the other is unknown (nan), or has no such powers.
+        light = (estimator.other_kurtosis() <= HEAVY) & np.isfinite(kurtosis)
+    found: NDArray[np.bool_] = few & ~light
+    return found
+
+
 def judge(
     estimator: Estimator, statistics: Mapping[str, Statistic], output: int, name: str
 ) -> Trust:
@@ -78,10 +93,7 @@ def judge(
     effective = runs / kurtosis
     reasons = [_OUTER_LEVELS] if estimator.sampling == "trajectories" and rows else []
     if rows >= FEWEST_ROWS:
-        few = kurtosis > estimator.heavy_kurtosis and effective < ENOUGH_RUNS
-        # Nothing speaks against a tail where the other is unknown (nan), or has no such powers.
-        light = estimator.other_kurtosis()[output] <= HEAVY and isfinite(kurtosis)
-        if few and not light:
+        if on_few_runs(estimator)[output]:
             as_many = f"as many as {effective:.0f} of equal size would, of {runs:,}"
             if estimator.method == "morris":
                 reasons.append(
