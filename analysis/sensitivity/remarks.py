@@ -146,7 +146,7 @@ def _worst_case(snapshot: Mapping[str, Any], output: str) -> str:
     )
     return (
         f"Whatever the failed runs would have said within the range of {output} that was seen, "
-        f"{SYMBOLS[by]} lies within: {which}."
+        f"the true {SYMBOLS[by]} lies within: {which}."
     )
 
 

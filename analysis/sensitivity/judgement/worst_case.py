@@ -5,6 +5,10 @@ those that were seen (bounds without further assumptions, after Manski 1990, Non
 treatment effects). They begin from the intervals, so they hold sampling error too, and they are
 wide: of an output whose range is six standard deviations, 3 % failed runs may hide as much variance
 as there is.
+
+They are bounds of the true index, and of the estimate that the same runs would have given without
+failures only as far as it is a share: that may lie beyond 0 or 1, where no true share does, and
+bounds go there only if the interval of the runs that were seen does.
 """
 
 from collections.abc import Mapping

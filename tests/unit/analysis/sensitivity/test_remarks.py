@@ -13,7 +13,7 @@ def test_failures_ranking_and_precision_each_have_a_sentence() -> None:
     failures, worst, ranking, few, screened, sequence, advice = said
     assert failures.startswith("2 of 320 runs failed (0.6%): too few to tell")
     assert worst.startswith("Whatever the failed runs would have said within the range of y that")
-    assert "ST lies within: a 0." in worst
+    assert "the true ST lies within: a 0." in worst
     assert ranking.endswith("the same order, 100% with a first.")
     assert few == "Intervals of fewer than 128 rows are not to be believed yet."
     assert screened.startswith("Non-influential on y (ST below 0.05; a dummy factor has 0): none")
