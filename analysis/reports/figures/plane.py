@@ -1,6 +1,6 @@
 """The mu*-sigma plane of a screening (paper, figure 8)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,10 @@ from analysis.reports.figures.shared import (
 )
 from analysis.reports.wording import words
 from analysis.sensitivity.judgement.screening import SHARE_OF_LARGEST
+
+#: How long a letter and how high a line of a label is, in parts of the drawing's sides.
+LETTER = 0.02
+LINE = 0.05
 
 
 def plane(
@@ -55,6 +59,14 @@ def plane(
         if None not in (factors[name]["mu_star"]["value"], factors[name]["sigma"]["value"])
     ]
     largest = max((factors[name]["mu_star"]["value"] for name in order), default=0.0)
+    # The others lie together at the origin.
+    labels = _labels(
+        {
+            name: (factors[name]["mu_star"]["value"], factors[name]["sigma"]["value"])
+            for name in order
+            if factors[name]["mu_star"]["value"] > SHARE_OF_LARGEST * largest
+        }
+    )
     data: list[dict[str, Any]] = [
         {
             "type": "scatter",
@@ -63,13 +75,8 @@ def plane(
             "legendgroup": name,
             "x": [found["mu_star"]["value"]],
             "y": [found["sigma"]["value"]],
-            # The others lie together at the origin.
-            "text": [plain(words(name))]
-            if found["mu_star"]["value"] > SHARE_OF_LARGEST * largest
-            else [""],
-            "textposition": "top left"
-            if found["mu_star"]["value"] > 0.5 * largest
-            else "top right",
+            "text": [plain(words(name)) if name in labels else ""],
+            "textposition": labels.get(name, "top right"),
             "cliponaxis": False,
             "customdata": [name],
             "error_x": reach([found["mu_star"]]) | {"color": own[name]["color"]},
@@ -110,6 +117,36 @@ def plane(
         drawn = beside([drawn, right], width=WHOLE)
     title = f"Elementary effects on {plain(words(output))}"
     return titled(drawn, title, snapshot)
+
+
+def _labels(points: Mapping[str, tuple[float, float]]) -> dict[str, str]:
+    """Return on which side of its point a factor's name stands, where one is free.
+
+    Names that would lie upon others' are left to the legend. (A point has four places, taken in
+    turn: Christensen, Marks and Shieber 1995, An empirical study of algorithms for point-feature
+    label placement.)
+
+    Args:
+        points: mu* and sigma by factor, those first whose names matter most.
+    """
+    right, top = (max((at[i] for at in points.values()), default=0.0) or 1.0 for i in (0, 1))
+    taken: list[tuple[float, float, float, float]] = []
+    found: dict[str, str] = {}
+    for name, (mu_star, sigma) in points.items():
+        x, y, long = mu_star / right, sigma / top, LETTER * len(words(name))
+        sides = ("left", "right") if x > 0.5 else ("right", "left")
+        for place in (f"{height} {side}" for height in ("top", "bottom") for side in sides):
+            left = x - long if place.endswith("left") else x
+            low = y if place.startswith("top") else y - LINE
+            box = left, left + long, low, low + LINE
+            if not any(
+                box[0] < other[1] and other[0] < box[1] and box[2] < other[3] and other[2] < box[3]
+                for other in taken
+            ):
+                taken.append(box)
+                found[name] = place
+                break
+    return found
 
 
 def _clouds(

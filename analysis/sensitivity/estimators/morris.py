@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import unit_rows
-from analysis.designs.radial import legs
+from analysis.designs.radial import SMALLEST_STEP, legs
 from analysis.sensitivity.estimators.estimator import Estimator, Terms
 from analysis.sensitivity.estimators.intervals import jackknife_error
 from analysis.sensitivity.estimators.shares import LOW
@@ -24,6 +24,10 @@ from analysis.sensitivity.estimators.weightings import FIRST, Weighted
 #: From so many rows on the eight blocks alone say how far an effect may be off; of fewer, ends of
 #: intervals keep a share of what independent rows would err.
 ROWS_ENOUGH = 128.0
+
+#: By how much, over the output's magnitude, effects that are all the same may differ: two outputs
+#: are rounded, some models' twice, and an effect divides by its step.
+ROUNDING = 4.0 * float(np.finfo(np.float64).eps) / SMALLEST_STEP
 
 
 class MorrisEstimator(Estimator):
@@ -68,6 +72,11 @@ class MorrisEstimator(Estimator):
         """Return "mu", "mu_star" and "sigma" of every output and factor."""
         counts = sums.count("effect")
         variance = sums.variance("effect", ddof=1)
+        # Of an exactly linear factor the effects differ by rounding only (Higham 2002, Accuracy and
+        # stability of numerical algorithms, section 1.7), which is no sigma.
+        size = np.fmax(np.abs(self.least), np.abs(self.most))[:, None]
+        same = np.sqrt(variance[0]) <= ROUNDING * size
+        variance = np.where(same & np.isfinite(size) & (variance > 0.0), 0.0, variance)
         # Variances of resampled rows are too small by this factor in the mean.
         variance[FIRST:] *= counts[0] / np.maximum(counts[0] - 1, 1)
         # n - 1 makes up for a mean that errs as that of independent rows does; that of balanced

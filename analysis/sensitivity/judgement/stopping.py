@@ -110,6 +110,8 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
     now = f"the widest interval, {SYMBOLS[name]} of {factor}, has ±{half:.2g}"
     if more == 0:
         sentence = f"Every index of {output} is within {reach}: {now}."
+        if not output_of(snapshot, output).get("trust", {}).get("trusted", True):
+            sentence = f"Intervals of {output} are within {reach}, but not to be trusted: {now}."
     else:
         sobol = snapshot["sampling"].startswith(("owen", "sobol")) and name != "mu_star"
         about = "At most about" if sobol else "About"

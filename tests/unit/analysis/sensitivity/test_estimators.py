@@ -49,14 +49,20 @@ def test_elementary_effects_are_equations_22_to_24() -> None:
 
 
 def test_a_linear_function_has_effects_without_spread() -> None:
-    """The slopes come back whatever the steps, and sigma is rounding noise of one effect only."""
+    """The slopes come back whatever the steps, and sigma is 0, not their rounding."""
     points = np.stack([unit_row("morris", "sobol", SEED, row, FACTORS) for row in range(30)])
     slopes = np.array([2.0, -5.0, 0.0])
     estimator = fed(MorrisEstimator, np.repeat((points @ slopes)[..., None], OUTPUTS, axis=2))
     found = estimator.indices()
     np.testing.assert_allclose(found["mu"].value[0], slopes, atol=1e-13)
     np.testing.assert_allclose(found["mu_star"].value[0], np.abs(slopes), atol=1e-13)
-    assert np.all(found["sigma"].value < 1e-13)
+    for ends in (found["sigma"].low, found["sigma"].value, found["sigma"].high):
+        assert np.all(ends == 0.0)
+    # What is more than rounding stays, however little it is.
+    bent = (points @ slopes + 1e-12 * points[..., 0] ** 2)[..., None]
+    estimator = fed(MorrisEstimator, np.repeat(bent, OUTPUTS, axis=2))
+    sigma = estimator.indices()["sigma"].value[0]
+    assert sigma[0] > 1e-13 and sigma[2] == 0.0
 
 
 def test_first_and_total_order_are_scipys() -> None:

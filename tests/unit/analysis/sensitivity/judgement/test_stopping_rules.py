@@ -107,8 +107,8 @@ def believed(half: float, rows: int, *, trusted: bool | None = True) -> dict[str
             5000,
             512,
             False,
-            "It is extended to 512 rows. Every index of error is within ±0.02: the widest "
-            "interval, ST of x, has ±0.015. Do not trust these intervals: why.",
+            "It is extended to 512 rows. Intervals of error are within ±0.02, but not to be "
+            "trusted: the widest interval, ST of x, has ±0.015. Do not trust these intervals: why.",
         ),
         (
             believed(0.04, 3000),
