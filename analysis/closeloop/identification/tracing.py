@@ -134,7 +134,8 @@ def _held(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[str, 
     grown, refusals = held_in_octaves(grown, rows)
     grown, driving = passive(grown, rows)
     grown, unsure = determined(in_plainest_form(grown, rows), rows)
-    grown, notes = not_worse(with_told_places(grown, rows), declared, rows)
+    grown = with_tilt(with_told_places(grown, rows), rows)
+    grown, notes = not_worse(grown, declared, rows)
     return grown, (*refusals, *driving, *unsure, *notes)
 
 

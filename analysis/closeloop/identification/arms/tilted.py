@@ -6,7 +6,7 @@ axis should be upright. (A stranger's arm stood 2 and 4 degrees askew.)
 
 import numpy as np
 
-from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_Z
+from analysis.closeloop.identification.balance.luck import LARGE_GAIN, more_than_luck
 from analysis.closeloop.identification.balance.model import (
     Model,
     evaluate,
@@ -27,10 +27,12 @@ LEAST_JOINTS = 2
 def with_tilt(grown: Grown, rows: Rows) -> Grown:
     """Return what was found, with another direction of gravity for all that stood for it.
 
-    All but friction and what the effort passes through may have. It has to predict left-out groups
-    better than these together, and by a good deal.
+    Of a robot all but friction and what the effort passes through may have, of limbs a gravity of
+    one joint and wrong zeros. It has to predict left-out groups better than these together, and by
+    a good deal.
     """
-    gone = [step for step in grown.steps if not _rubs_or_passes(step)]
+    stands_in = _of_limb if rows.recording.limbs else _of_robot
+    gone = [step for step in grown.steps if stands_in(step)]
     if not gone or len(rows.joints) < LEAST_JOINTS:
         return grown
     rest = grown.model
@@ -68,10 +70,13 @@ def _turned(rest: Model, rows: Rows) -> Model:
 def _shows(worse: np.ndarray, better: np.ndarray, rows: Rows, joint: int) -> bool:
     """Whether a joint's left-out rows are better predicted by more than luck."""
     own = rows.joint_of_block == joint
-    gain, error = compare(worse[own], better[own])
-    return bool(gain > MIN_Z * error)
+    return more_than_luck(worse[own], better[own], rows.fold_of_block[own])
 
 
-def _rubs_or_passes(step: Step) -> bool:
+def _of_robot(step: Step) -> bool:
     effect = step.taken.candidate.effect
-    return bool(effect.rubs or effect.channel or effect.name == "viscous_friction")
+    return not (effect.rubs or effect.channel or effect.name == "viscous_friction")
+
+
+def _of_limb(step: Step) -> bool:
+    return step.key[0] in (TURNED.name, "position_offset")

@@ -1,14 +1,18 @@
 """A base that stands askew is one thing, and no wrong zeros and springs of its arm's joints."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 
 from analysis.closeloop.identification.arms.robot import traced_robot, weighed
 from analysis.closeloop.identification.arms.tilted import TURNED, with_tilt
-from analysis.closeloop.identification.balance.model import Model, unfitted
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
-from analysis.closeloop.identification.findings import Grown
+from analysis.closeloop.identification.balance.terms import Candidate
+from analysis.closeloop.identification.candidates import tried_alone
+from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.report.named import where
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
@@ -45,6 +49,28 @@ def test_gravity_of_another_direction_takes_the_place_of_all_that_stood_for_it()
     ]
     *_, (_, gravity) = after.model.split(after.score.coefficients)
     assert gravity == pytest.approx(ASKEW, abs=0.01)
+
+
+def test_limbs_whose_base_stands_askew_feel_it_at_every_joint() -> None:
+    """It was found at one, and the stiffness of the next was 0.4 Nm/rad off and identified."""
+    arm = moving(UPRIGHT)
+    limbs = replace(arm, session=replace(arm.session, limb_joints=("a", "b", "c")), cache={})
+    effort = limbs.rigid + np.column_stack([limbs.weight(joint) @ ASKEW for joint in range(3)])
+    noisy = measured(limbs, effort)
+    rows, one, reflex = select_rows(noisy, (0,)), BY_NAME["gravity_torque"], "stretch_reflex"
+    model = Model(noisy)
+    candidate = Candidate(effect=one, joint=1)
+    there, score = tried_alone(model, rows, candidate) or (model, evaluate(model, rows))
+    taken = Option(candidate=candidate, model=there, score=score, gain=1.0, z=9.0)
+    step = Step(taken=taken, equals=(), options=(), before=1.0)
+    # Beside it stays what no gravity stands for.
+    other = replace(
+        step, taken=replace(taken, candidate=Candidate(effect=BY_NAME[reflex], joint=2))
+    )
+    after = with_tilt(Grown(there, score, (other, step)), rows)
+    assert [step.key for step in after.steps] == [(reflex, 2), ("gravity_torque", 0)]
+    *_, (term, gravity) = after.model.split(after.score.coefficients)
+    assert term.effect is TURNED and gravity == pytest.approx(ASKEW, abs=0.01)
 
 
 def test_a_wrong_zero_of_one_joint_is_left_what_it_is() -> None:
