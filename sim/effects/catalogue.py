@@ -15,6 +15,7 @@ from sim.effects.laws import (
     limb,
     load_friction,
     loose_link,
+    reflexes,
     relaxation,
     transmission,
 )
@@ -52,8 +53,8 @@ EFFECTS: tuple[Effect, ...] = (
     ends.BothEnds(),
     transmission.TorqueRipple(),
     limb.ThixotropicStiffness(),
-    limb.StretchReflex(),
-    limb.BothReflexes(),
+    reflexes.StretchReflex(),
+    reflexes.BothReflexes(),
     load_friction.StribeckLoad(),
 )
 #: Asked of robots in the place of a limb's effect of the same name.

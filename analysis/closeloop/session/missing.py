@@ -19,6 +19,8 @@ CLEAR_STEPS = 3.0
 WORTH_SAYING = 0.002
 #: Steps longer than this many that the clock keeps are gaps.
 GAP_STEPS = 5.5
+#: Share of its step by which stamps of an even clock are rounded, at most.
+EVEN = 1e-6
 #: Steps around one that say what the clock keeps there: at random, more than half of so many are
 #: longer only if a third of all samples is lost.
 AROUND = 21
@@ -91,6 +93,9 @@ def clock_step(time: np.ndarray) -> float:
     A clock that goes at 4 ms and at 10 ms has no usual step: its median is one of them, or neither.
     """
     steps = np.diff(time)
+    if np.ptp(steps) <= EVEN * steps[0]:
+        # Its mean is the same but for rounding.
+        return float(np.median(steps))
     kept = kept_steps(steps)
     inside = steps <= GAP_STEPS * kept
     steps, kept = steps[inside], kept[inside]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sim.effects.laws.limb import NO_ANGLE
+from sim.effects.laws.reflexes import NO_ANGLE
 from sim.models import ELBOW, MODELS, WITH_EFFECTS
 from sim.parameters.conditions import DEFAULT_CONDITIONS, conditions_of, split
 from sim.parameters.effects import effect_factors, effects_of

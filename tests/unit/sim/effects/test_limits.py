@@ -39,6 +39,13 @@ NONSENSE: list[tuple[str, dict[str, float], tuple[float, ...], str]] = [
         (1.5,),
         "delay",
     ),
+    # Drag that grows with speed, both ways and at once.
+    (
+        "stretch_reflex_both",
+        {"delay": 0.0205, "activation_time": 0.0, "speed": 0.1},
+        (1.5, 1.5),
+        "delay",
+    ),
     ("hysteresis", {"distance": 0.008, "exponent": 1.0}, (0.5,), "distance"),
 ]
 

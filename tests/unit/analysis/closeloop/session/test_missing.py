@@ -226,6 +226,13 @@ def test_missing_samples_are_counted_and_a_jittering_clock_misses_none() -> None
     assert with_missing_counted(whole) is whole
 
 
+def test_an_even_clock_has_the_step_that_it_has_most_often_to_the_bit() -> None:
+    """Its mean differs by rounding, which may put a rest on the other side of a bound."""
+    stamps = 100.0 + np.arange(2100) / 500.0
+    steps = np.diff(stamps)
+    assert clock_step(stamps) == np.median(steps) != steps.mean()
+
+
 def test_gaps_and_lost_samples_leave_the_step_of_a_clock_as_it_is() -> None:
     whole = trial()
     kept = some_missing(len(whole.time))
