@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import islice
 
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_LATER_GAIN, MIN_Z
-from analysis.closeloop.identification.balance.model import Model, evaluate
+from analysis.closeloop.identification.balance.model import Model, evaluate, impedances
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare, rank_z
 from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import (
@@ -133,7 +133,9 @@ def richer_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> I
     """Yield what grows from a limb's first effect, alone, if it predicts better.
 
     Beside the first, one end of the range may gain more than both in its place. (A stranger's
-    limbs, nearly free over a fifth of their range: one wave over it, and K twice as large.)
+    limbs, nearly free over a fifth of their range: one wave over it, and K twice as large.) Whose
+    ends leave a limb between them that would push away from its middle bend there, too: a cubic
+    spring. (The unkind bench: K twice as wrong.)
     """
     for first in grown.steps[:1]:
         taken = first.taken
@@ -147,9 +149,15 @@ def richer_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> I
             option = _alone_option(other, found, before)
             option = _alone_option(other, refined(option, rows), before)
             gain, error = compare(taken.score.losses, option.score.losses)
-            if gain > error:
+            if gain > error and _restores(option, joint):
                 step = replace(first, taken=option, equals=(), before=before.loss)
                 yield Grown(option.model, option.score, (step,))
+
+
+def _restores(option: Option, joint: int) -> bool:
+    """Whether the stiffness that is declared at a joint, if any, would not be below none."""
+    found = impedances(option.model, option.score.coefficients)
+    return joint not in found or found[joint]["stiffness"] >= 0.0
 
 
 def _alone_option(candidate: Candidate, fitted: tuple[Model, Score], before: Score) -> Option:

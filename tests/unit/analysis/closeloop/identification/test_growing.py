@@ -17,7 +17,7 @@ from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.forms import only_form
 from analysis.closeloop.identification.growing import steps
 from analysis.closeloop.identification.growing.freed import freed, held
-from analysis.closeloop.identification.growing.starts import damped_starts, regrown
+from analysis.closeloop.identification.growing.starts import damped_starts, regrown, richer_starts
 from analysis.closeloop.identification.growing.steps import grow
 from analysis.closeloop.identification.selection import choose
 from analysis.closeloop.session.recording import Recording
@@ -255,6 +255,26 @@ def test_a_limb_that_is_free_over_a_little_of_its_range_has_two_ends_and_is_no_w
     assert found.key == ("end_range_both", ELBOW)
     for name, value in ends.items():
         assert found.taken.model.terms[-1].theta[name] == pytest.approx(value, abs=0.01)
+
+
+@pytest.mark.parametrize("stiffness", [4.0, -4.0])
+def test_ends_of_a_range_leave_no_limb_between_them_that_pushes_away_from_its_middle(
+    elbow: Recording, stiffness: float
+) -> None:
+    """They bend there, too, then, as a cubic does: K went from 142 to 213 % off."""
+    joint = unfitted(elbow, ELBOW)
+    middle, half = joint.travel
+    ends = {"onset_positive": middle + 0.6 * half, "onset_negative": middle - 0.6 * half}
+    theta = {**ends, "width_positive": 0.2 * half, "width_negative": 0.2 * half, "power": -1.0}
+    extra = torque(elbow, "end_range_both", theta, 30.0, 30.0)
+    rows = rows_with(elbow, extra + stiffness * (joint.position - middle))
+    limb = replace(term(rows, "viscoelastic_joint", {}), candidate=None)
+    declared = Model(rows.recording).with_term(limb)
+    before = evaluate(declared, rows)
+    (cubic,) = options_beside(declared, rows, before, [candidate("nonlinear_stiffness")])
+    step = Step(taken=cubic, equals=(), options=(cubic,), before=before.loss)
+    starts = [*richer_starts(Grown(cubic.model, cubic.score, (step,)), declared, rows, before)]
+    assert len(starts) == (stiffness > 0.0)
 
 
 def test_reflexes_of_both_sides_take_the_place_of_one(elbow: Recording) -> None:
