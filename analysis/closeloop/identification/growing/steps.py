@@ -186,8 +186,8 @@ def _answers(
 
     A line has a gain and a phase, which what filters the motion can have both. What passes on the
     effort has one parameter for them: it leaves nearly nothing only if it is the cause, as where a
-    late motor makes its own loop ring. So does a spring of the size that its ringing foretells, if
-    it has that size in other octaves, too.
+    late motor makes its own loop ring. So does what filters the motion, if it has its size in other
+    octaves, too: a spring that rings, a load with which the loop does (the unkind bench).
 
     Args:
         option: beside the model.
@@ -202,8 +202,7 @@ def _answers(
     if effect.filters:
         if not takes_all(current.losses, option.score.losses):
             return True
-        rings = effect.has_to_agree and not differs_elsewhere(option.model, option.candidate, rows)
-        return not (effect.channel or rings)
+        return not effect.channel and differs_elsewhere(option.model, option.candidate, rows)
     after = estimate_of(option.model, option.score.coefficients).residual
     passed = any(parameter.name == "other_dof" for parameter in effect.nonlinear)
     return only_answers(lines[joint], left, after, rows, joint, passed=passed)

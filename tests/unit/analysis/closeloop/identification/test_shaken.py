@@ -131,3 +131,17 @@ def test_a_late_motor_whose_loop_rings_is_named() -> None:
     (step,) = grown.steps
     assert step.key[0] == "time_delay"
     assert step.taken.theta["delay"] == pytest.approx(0.02, rel=0.05)
+
+
+def test_an_inertia_with_which_the_loop_rings_is_named() -> None:
+    """It takes all, and has the same size where nothing rings. (A load of the unkind bench.)"""
+    recording, _ = trembling(0.006)
+    rows = rows_of(recording, 0.2 * recording.acceleration[:, ELBOW])
+    assert of(rows) == {ELBOW}
+    model = Model(rows.recording)
+    score = evaluate(model, rows)
+    tried = [
+        Candidate(effect=BY_NAME[name], joint=ELBOW) for name in ("added_inertia", "time_delay")
+    ]
+    grown, _ = grow(Grown(model, score), rows, score, lambda _: None, tried)
+    assert [step.key[0] for step in grown.steps] == ["added_inertia"]
