@@ -61,7 +61,7 @@ def with_wound_laws(grown: Grown, rows: Rows) -> Grown:
 
 def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: Rows) -> Grown:
     """Return what was found with one law in the place of a joint's friction, if it is another."""
-    *_, current = _turned([grown.model], step.taken.candidate.joint, rows)
+    found, turned, current = _turned([grown.model], step.taken.candidate.joint, rows)
     named = sum(s.taken.candidate.effect.complexity for s in own)
     joint = _bare(grown, step.taken.candidate.joint)
     laws = list(_laws(rest, step.taken.candidate, rows, joint))
@@ -73,7 +73,10 @@ def _chosen_again(grown: Grown, rest: Model, step: Step, own: list[Step], rows: 
     if [s.key for s in own] == [taken.candidate.key]:
         return grown
     if taken.candidate.effect.complexity < named:
-        if not predicts_as_well(taken.score, current):
+        # What predicts better as it turns needs no freedom to wind up, which is simpler than none.
+        # (The unkind bench: a peak at low speed was Coulomb friction that winds up in nine ways.)
+        plain = turned is found and current.loss < taken.score.loss
+        if plain or not predicts_as_well(taken.score, current):
             return grown
     elif not _hidden(taken, grown, [current, *_same(laws, step)], rows):
         return grown

@@ -104,6 +104,20 @@ def test_a_law_that_is_right_is_not_put_aside_since_winding_freely_fits_noise() 
     assert with_wound_laws(found, rows).steps == found.steps
 
 
+def test_a_peak_that_predicts_better_as_it_turns_is_no_plain_friction_that_winds_up() -> None:
+    """That has nine levels for it, and was named in its place. (The unkind bench.)"""
+    elbow = rich_elbow(10)
+    joint = unfitted(elbow, ELBOW)
+    fast = joint.velocity / joint.top_speed
+    effort = np.array(elbow.inverse)
+    effort[:, ELBOW] += (FRICTION + 0.3 * np.exp(-((fast / 0.06) ** 2))) * np.tanh(fast / 0.02)
+    effort += NOISE * np.random.default_rng(4).standard_normal(effort.shape)
+    loud = replace(elbow, effort=elbow.filtered(effort), cache={})
+    rows = select_rows(loud, (0,)).reweighted({ELBOW: NOISE})
+    found = named(loud, rows, "stribeck_friction", smooth=0.02, speed=0.06, power=2.0)
+    assert with_wound_laws(found, rows).steps == found.steps
+
+
 def test_a_richer_law_is_named_also_where_friction_turns_as_the_plain_one_does() -> None:
     slow = loaded(10, 0.0)
     rows = select_rows(slow, (0,))
