@@ -109,7 +109,8 @@ def kept_steps(steps: np.ndarray) -> np.ndarray:
     go slower for a while. Lost samples make a step a whole number of times as long; where the
     longer ones are no such multiples on average, they are another step of the same clock.
     """
-    around = median_filter(steps, size=AROUND, mode="nearest")
+    # Mirrored, so that a gap before the last sample counts once.
+    around = median_filter(steps, size=AROUND, mode="mirror")
     kept = np.maximum(np.median(steps), around)
     times = steps / kept
     longer = (np.round(times) > 1.0) & (times <= GAP_STEPS)

@@ -285,6 +285,17 @@ def test_samples_that_a_clock_of_two_steps_loses_are_missing() -> None:
     assert not seen[lost].any() and seen[~lost].mean() > 0.999
 
 
+@pytest.mark.parametrize("lost", [slice(1, 9), slice(2990, 2998)])
+def test_samples_lost_before_the_last_one_or_after_the_first_are_missing(lost: slice) -> None:
+    """The gap counted as the step that the clock keeps there, and made a push of its bridge."""
+    stamps = np.arange(2999) / 100.0
+    kept = np.ones(len(stamps), dtype=bool)
+    kept[lost] = False
+    assert missing_share(stamps[kept]) == pytest.approx(8 / len(stamps), rel=1e-9)
+    seen = measured_at(stamps, stamps[kept], 0.01)
+    assert np.array_equal(seen, kept)
+
+
 def test_an_effort_on_a_clock_of_two_steps_is_analysed_whole() -> None:
     """At the median step, no slow stretch had enough samples for any fit."""
     stamps = two_steps(0.0042, 0.0101, BY_TURNS)[:900]
