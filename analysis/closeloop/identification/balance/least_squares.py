@@ -89,37 +89,44 @@ def solve_each(grams: np.ndarray, lower: np.ndarray) -> np.ndarray:
     every[:, range(size), range(size)] += 1e-10
     moments = grams[:, :size, size] / scale
     found = np.linalg.solve(every, moments[:, :, None])[:, :, 0] / scale
-    for number in np.flatnonzero((found < lower).any(axis=1)):
-        found[number] = _held(every[number], moments[number], scale[number], lower, found[number])
+    free = np.ones(found.shape, dtype=bool)
+    left = np.flatnonzero((found < lower).any(axis=1))
+    while len(left):
+        found[left] = _held(every[left], moments[left], scale[left], lower, found[left], free, left)
+        left = left[(free[left] & (found[left] < lower)).any(axis=1)]
     return np.asarray(found)
 
 
 def _held(
-    every: np.ndarray, moments: np.ndarray, scale: np.ndarray, lower: np.ndarray, found: np.ndarray
+    every: np.ndarray,
+    moments: np.ndarray,
+    scale: np.ndarray,
+    lower: np.ndarray,
+    found: np.ndarray,
+    free: np.ndarray,
+    left: np.ndarray,
 ) -> np.ndarray:
-    """Return a fit's coefficients with those at their bounds that would leave them.
+    """Hold the coefficient that most leaves its bound, one more of each fit; return all, (k, n).
 
     Args:
-        every: the scaled Gram matrix.
-        moments: of the scaled columns with the target.
-        scale: what the columns were divided by.
-        lower: the bounds.
-        found: the coefficients without bounds.
+        every: the scaled Gram matrices of the fits that leave bounds, (k, n, n).
+        moments: of the scaled columns with the target, (k, n).
+        scale: what the columns were divided by, (k, n).
+        lower: the bounds, (n,).
+        found: the coefficients so far, (k, n).
+        free: which coefficients of every fit are not held, (parts, n); more of it are, afterwards.
+        left: the numbers of the fits, (k,).
     """
-    free = list(range(len(lower)))
-    coefficients = np.zeros(len(lower))
-    while free:
-        below = {i: value - lower[i] for i, value in zip(free, found, strict=True)}
-        broken = [i for i, distance in below.items() if distance < 0.0]
-        if not broken:
-            coefficients[free] = found
-            break
-        worst = min(broken, key=lambda i: float(below[i] * scale[i]))
-        coefficients[worst] = lower[worst]
-        moments = moments - every[:, worst] * scale[worst] * lower[worst]
-        free.remove(worst)
-        found = np.linalg.solve(every[np.ix_(free, free)], moments[free]) / scale[free]
-    return coefficients
+    broken = free[left] & (found < lower)
+    worst = np.where(broken, (found - lower) * np.where(broken, scale, 1.0), np.inf).argmin(axis=1)
+    free[left, worst] = False
+    own = free[left]
+    fixed = np.where(own, 0.0, lower) * np.where(own, 1.0, scale)
+    # Those that are held have rows and columns of the identity.
+    both = np.where(own[:, :, None] & own[:, None, :], every, np.eye(len(lower)))
+    given = np.where(own, moments - (every * fixed[:, None, :]).sum(axis=2), 0.0)
+    solved = np.linalg.solve(both, given[:, :, None])[:, :, 0] / scale
+    return np.where(own, solved, lower)
 
 
 def misfit(gram: np.ndarray, coefficients: np.ndarray) -> float:
