@@ -24,7 +24,7 @@ NOISE = 0.002
 
 def moving(chain: str = CHAIN) -> Recording:
     """Return the robot in motion, 20 s; in one frequency, acceleration is position."""
-    plain = swung(chain, (0.2, 0.4, -0.3), (0.7, 0.4, 0.55), 20)
+    plain = swung(chain, (0.2, 0.4, -0.3), (0.7, 0.4, 0.55), 20, rate=100.0)
     session = replace(plain.session, limb_joints=())
     w = 2 * np.pi * np.array([1.31, 1.73, 1.13])
     angle = plain.time[:, None] * w

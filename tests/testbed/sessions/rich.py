@@ -89,10 +89,14 @@ def rich_recording(seconds: int = 5) -> Recording:
 
 
 def swung(
-    model: str, centre: tuple[float, ...], frequencies_hz: tuple[float, ...], seconds: int = 5
+    model: str,
+    centre: tuple[float, ...],
+    frequencies_hz: tuple[float, ...],
+    seconds: int = 5,
+    rate: float = 200.0,
 ) -> Recording:
-    """Every joint of a model swings about its centre, at 200 Hz."""
-    t = np.arange(200 * seconds) / 200.0
+    """Every joint of a model swings about its centre."""
+    t = np.arange(int(rate * seconds)) / rate
     w = 2 * np.pi * np.array(frequencies_hz)
     q = np.array(centre) + 0.4 * np.sin(t[:, None] * w)
     v = 0.4 * w * np.cos(t[:, None] * w)
@@ -101,7 +105,7 @@ def swung(
     return Recording(
         device=Device(mujoco.MjSpec.from_string(model), ()),
         session=Session(folder=Path(), model="device.xml", limb_joints=("elbow",), trials=(trial,)),
-        sampling=Sampling(recorded=200.0, working=200.0, cutoff=20.0),
+        sampling=Sampling(recorded=rate, working=rate, cutoff=20.0),
         slices=[slice(0, len(t))],
         trial=np.zeros(len(t), dtype=int),
         time=t,
