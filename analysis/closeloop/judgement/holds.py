@@ -29,8 +29,9 @@ BOTH_SIDES = 2.0
 #: and so is the stiction of a joint that never moves, which nothing shows the size of. (That share
 #: was chosen while looking at limbs 559, 589 and 619 of the unkind bench.)
 OVER_NOISE = 4.0
-#: Time over which a resting joint's torque is compared with its own course, s.
-COURSE = 4.0
+#: Time over which a resting joint's torque is compared with its own course, s, and what the
+#: shortest rest lasts that has one.
+COURSE, LEAST_REST = 4.0, 1.0
 #: What is left of a motion within a hold is no push below this share of the torque that the motion
 #: takes: a quick stretch that slowly comes back is a hold, too. (Set while looking at limb 36022 of
 #: the unkind bench, tuning seeds: 0.02.)
@@ -125,7 +126,7 @@ class _Course:
 def _courses(
     recording: Recording, joint: int, expected: np.ndarray | None, *, still: bool, beside: bool
 ) -> Iterator[_Course]:
-    """Yield the rests of a joint that last a second; arguments as of `rest_events`.
+    """Yield the rests of a joint that last for `LEAST_REST`; arguments as of `rest_events`.
 
     What another joint's motion does at this one is no push, nor is what its own takes. Of the first
     friction may take any part.
@@ -133,7 +134,7 @@ def _courses(
     needed = needed_by(recording, joint)
     for samples in _rests(recording, joint, still):
         effort = recording.effort[samples, joint]
-        if len(samples) < recording.rate or np.isnan(effort).any():
+        if len(samples) < LEAST_REST * recording.rate or np.isnan(effort).any():
             continue
         left = [
             _beyond(recording, effort - torque[samples])

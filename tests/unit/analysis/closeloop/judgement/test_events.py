@@ -134,6 +134,16 @@ def test_two_pushes_are_found_with_their_times_and_peaks(swinging: Recording) ->
     assert 40.8 < other.begin < 41.4 < other.end < 42.0 and other.peak < -0.4
 
 
+def test_a_push_that_holds_a_joint_still_for_a_moment_is_one_push(recording: Recording) -> None:
+    """Its middle stayed in the fit of three trials, and K was 2 % off by it: a stranger's."""
+    going = 2 * np.pi * 0.4 * np.minimum(TIME, 20.0), 2 * np.pi * 0.4 * np.maximum(TIME - 20.7, 0.0)
+    elbow = 1.0 + 0.5 * np.sin(sum(going) + 0.5 * np.pi)
+    paused = moved(recording, np.column_stack([np.zeros_like(elbow), elbow]), RATE)
+    push = 2.0 * np.clip(1.0 - (np.abs(TIME - 20.35) - 0.6) / 0.1, 0.0, 1.0)
+    (event,) = find_events(Model(paused), with_effort(paused, push))
+    assert 19.2 < event.begin < 19.8 < 20.9 < event.end < 21.5
+
+
 def test_torque_that_comes_back_wherever_the_joint_passes_is_no_event(swinging: Recording) -> None:
     there = 0.6 * np.exp(-(((swinging.position[:, 1] - 1.2) / 0.03) ** 2))
     found = with_effort(swinging, there * (swinging.velocity[:, 1] > 0))
