@@ -91,6 +91,11 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> Beyond:
         size = np.abs(sure) / (WIDTH * max(spread(sure), 1e-12))
         weight = np.where(size < 1, (1 - size**2) ** 2, 0.0)
     alone = _smaller(_left(target, base[part], weight), _left(target, turned, weight))
+    velocity = recording.velocity[:, [joint]]
+    drag = rows.stack(model.transformed({joint: velocity * np.abs(velocity)}), 1)[part]
+    # What grows with the speed like that of a fluid pushes nobody where a joint is fastest, which
+    # is seldom. (A stranger's eight.)
+    alone = _smaller(alone, _left(target, np.column_stack([turned, drag]), weight))
     if tone.size:
         alone = _smaller(alone, _left(target, np.column_stack([turned, tone]), weight))
     if spread(left) > np.sqrt(2.0) * spread(alone):

@@ -134,13 +134,24 @@ def test_two_pushes_are_found_with_their_times_and_peaks(swinging: Recording) ->
     assert 40.8 < other.begin < 41.4 < other.end < 42.0 and other.peak < -0.4
 
 
+def test_drag_is_no_push_where_a_joint_is_fastest(recording: Recording) -> None:
+    """It is fast for a few moments alone, of which splines know too little: a stranger's eight."""
+    bursts = sum(pushed(begin, 0.8, 0.9) for begin in (9.0, 27.0, 44.0))
+    elbow = 0.7 + 0.4 * np.sin(2 * np.pi * 0.3 * TIME) + bursts
+    quick = moved(recording, np.column_stack([np.zeros_like(elbow), elbow]), RATE)
+    velocity = quick.velocity[:, 1]
+    loud = with_effort(quick, 0.8 * velocity * np.abs(velocity))
+    assert find_events(Model(loud), loud) == ()
+
+
 def test_a_push_that_holds_a_joint_still_for_a_moment_is_one_push(recording: Recording) -> None:
     """Its middle stayed in the fit of three trials, and K was 2 % off by it: a stranger's."""
     going = 2 * np.pi * 0.4 * np.minimum(TIME, 20.0), 2 * np.pi * 0.4 * np.maximum(TIME - 20.7, 0.0)
     elbow = 1.0 + 0.5 * np.sin(sum(going) + 0.5 * np.pi)
     paused = moved(recording, np.column_stack([np.zeros_like(elbow), elbow]), RATE)
     push = 2.0 * np.clip(1.0 - (np.abs(TIME - 20.35) - 0.6) / 0.1, 0.0, 1.0)
-    (event,) = find_events(Model(paused), with_effort(paused, push))
+    loud = with_effort(paused, push)
+    (event,) = find_events(Model(loud), loud)
     assert 19.2 < event.begin < 19.8 < 20.9 < event.end < 21.5
 
 
