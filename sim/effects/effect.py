@@ -56,6 +56,8 @@ class Effect(ABC):
     coefficients: tuple[str, ...] = ()
     #: Lower bound of every coefficient (the last repeats); -inf if either sign is physical.
     lower: tuple[float, ...] = (-np.inf,)
+    #: Whether there is none of it where its first coefficient, a size, is none.
+    needs_first: bool = False
     #: Columns that are left out where a fit with them is beyond what is physical.
     undetermined: tuple[int, ...] = ()
     #: Whether a coefficient has to agree with the non-linear parameters that it is fitted for.
@@ -202,6 +204,8 @@ class Effect(ABC):
             difference: whether it only corrects a declared one, and may take away from it.
         """
         limits = self.limits(joint)
+        if self.needs_first and not difference and coefficients.get(0, np.inf) <= ROUNDING:
+            return self.coefficients[0]
         for name, reading in self.readings(joint, theta).items():
             if reading.columns <= coefficients.keys():
                 low, high = limits[name]

@@ -145,6 +145,8 @@ class Stribeck(Friction):
         stribeck_exponent=EXPONENT,
     )
     coefficients = ("torque", "breakaway_excess")
+    # Dry friction does not vanish when fast: that answers something else. (A stranger's drag.)
+    needs_first = True
     nonlinear = (replace(SMOOTH, grid=COARSE.grid), SPEED, POWER)
 
     def level(self, parameters: Values, motion: Motion) -> Signal:

@@ -91,6 +91,7 @@ class ThixotropicStiffness(AppliedEffect):
     )
     coefficients = ("stiffness", "torque_at_zero")
     lower = (0.0, -np.inf)
+    needs_first = True
     nonlinear = (
         Nonlinear("recovery", (0.7, 1.5, 3.0), scaling=0.4, step=SECONDS),
         Nonlinear("distance", (0.2, 0.5, 1.0), scaling=0.4, step=RELATIVE, over_travel=True),

@@ -47,6 +47,9 @@ NONSENSE: list[tuple[str, dict[str, float], tuple[float, ...], str]] = [
         "delay",
     ),
     ("hysteresis", {"distance": 0.008, "exponent": 1.0}, (0.5,), "distance"),
+    # None of it is left when fast, or at all.
+    ("stribeck_friction", {"speed": 0.2, "smooth": 0.01, "power": 2.0}, (0.0, 0.5), "torque"),
+    ("thixotropic_stiffness", {"recovery": 0.7, "distance": 0.5}, (0.0, 0.1), "stiffness"),
 ]
 
 
