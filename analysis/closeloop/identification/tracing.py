@@ -74,6 +74,11 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     )
     grown, refused = grow(Grown(declared, before), rows, before, progress)
     if refused is not None:
+        # Of a base that stands askew no joint by itself tells enough. (A stranger's, 9 degrees.)
+        alone = Grown(refused.taken.model, refused.taken.score, (refused,))
+        grown = with_tilt(alone, rows)
+        refused = refused if grown is alone else None
+    if refused is not None:
         step = replace(refused, equals=_others(refused))
         taken = refused.taken
         return replace(

@@ -28,11 +28,11 @@ def with_tilt(grown: Grown, rows: Rows) -> Grown:
     """Return what was found, with another direction of gravity for all that stood for it.
 
     Of a robot all but friction and what the effort passes through may have, of limbs a gravity of
-    one joint and wrong zeros. It has to predict left-out groups better than these together, and by
-    a good deal.
+    one joint, wrong zeros and what may not be named. It has to predict left-out groups better than
+    these together, and by a good deal.
     """
     stands_in = _of_limb if rows.recording.limbs else _of_robot
-    gone = [step for step in grown.steps if stands_in(step)]
+    gone = [step for step in grown.steps if stands_in(step) or step.taken.refused]
     if not gone or len(rows.joints) < LEAST_JOINTS:
         return grown
     rest = grown.model

@@ -6,17 +6,21 @@ import mujoco
 import numpy as np
 import pytest
 
+from analysis.closeloop.contract import Verdict
 from analysis.closeloop.identification.arms.robot import traced_robot, weighed
 from analysis.closeloop.identification.arms.tilted import TURNED, with_tilt
-from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
+from analysis.closeloop.identification.balance.model import Model, evaluate, impedances, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Grown, Option, Step
+from analysis.closeloop.identification.tracing import trace
 from analysis.closeloop.report.named import where
+from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
-from sim.effects.catalogue import BY_NAME
+from sim.effects.catalogue import BY_NAME, VISCOELASTIC
 from tests.testbed.sessions.coupled import measured, moving
+from tests.testbed.sessions.rich import swung
 
 #: An upright hinge with two level ones behind it.
 UPRIGHT = """<mujoco><worldbody>
@@ -24,6 +28,11 @@ UPRIGHT = """<mujoco><worldbody>
 <body name="two" pos="0 0 .2"><joint name="b" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
 <body name="three" pos=".2 0 0"><joint name="c" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/>
 </body></body></body></worldbody></mujoco>"""
+#: Two upright hinges: a limb on a table.
+FLAT = """<mujoco><worldbody>
+<body name="one"><joint name="a" axis="0 0 1"/><geom size=".05" pos=".15 0 0"/>
+<body name="two" pos=".3 0 0"><joint name="b" axis="0 0 1"/><geom size=".05" pos=".12 0 0"/>
+</body></body></worldbody></mujoco>"""
 #: Gravity beside the declared one, m/s2: of a base that leans over by 4 degrees.
 ASKEW = np.array([0.684, 0.0, 0.024])
 
@@ -71,6 +80,22 @@ def test_limbs_whose_base_stands_askew_feel_it_at_every_joint() -> None:
     assert [step.key for step in after.steps] == [(reflex, 2), ("gravity_torque", 0)]
     *_, (term, gravity) = after.model.split(after.score.coefficients)
     assert term.effect is TURNED and gravity == pytest.approx(ASKEW, abs=0.01)
+
+
+def test_limbs_that_feel_a_tilt_at_no_joint_enough_to_name_it_feel_it_together() -> None:
+    """Nothing was named, and the first joint's stiffness stayed 12 % off: a stranger's."""
+    plain = swung(FLAT, (1.2, 0.6), (0.7, 0.4), 20, rate=100.0)
+    declared = [DeclaredEffect(effect=VISCOELASTIC.name, joint=joint) for joint in "ab"]
+    session = replace(plain.session, limb_joints=("a", "b"), declared=tuple(declared))
+    arm, stiffness = replace(plain, session=session, cache={}), np.array([8.7, 7.9])
+    gravity = np.array([1.2, 0.97, 0.0])
+    effort = arm.rigid + np.column_stack([arm.weight(joint) @ gravity for joint in range(2)])
+    effort += stiffness * (arm.position - 1.0) + np.array([0.4, 0.15]) * arm.velocity
+    told = trace(measured(arm, effort, 0.01))
+    assert [step.key for step in told.steps] == [("gravity_torque", 0)]
+    assert told.verdict == Verdict.EFFECT_FOUND
+    each = impedances(*told.fits[1])
+    assert [each[joint]["stiffness"] for joint in range(2)] == pytest.approx(stiffness, abs=0.02)
 
 
 def test_a_wrong_zero_of_one_joint_is_left_what_it_is() -> None:
