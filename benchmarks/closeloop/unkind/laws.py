@@ -14,6 +14,9 @@ from benchmarks.closeloop.unkind.chain import Signal
 from benchmarks.closeloop.unkind.faults import FRICTION, Fault
 from benchmarks.closeloop.unkind.robots import Limb
 
+#: Widths over which the torque at an end of range is an exponential.
+STEEPEST = 6.0
+
 
 def friction_level(fault: Fault, q: float, v: float, load: float) -> float:
     """Return the torque that dry friction can hold or takes while sliding, Nm."""
@@ -117,11 +120,12 @@ class Law:
         share = (q - low) / (high - low)
         side, onset, width = (self.fault.value(key) for key in ("side", "onset", "width"))
         far = (share if side > 0 else 1 - share) - onset
-        return (
-            -side * self.fault.value("torque") * (exp(min(far / width, 6.0)) - 1)
-            if far > 0
-            else 0.0
-        )
+        if far <= 0:
+            return 0.0
+        # Beyond a few widths it goes on evenly: a torque that no longer rose would be no end.
+        steep = min(far / width, STEEPEST)
+        rise = exp(steep) * (1.0 + far / width - steep) - 1.0
+        return -side * self.fault.value("torque") * rise
 
     def _relaxation(self, q: float) -> float:
         """A spring that hangs on a dashpot (Fung 1993)."""
