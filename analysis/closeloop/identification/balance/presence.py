@@ -75,6 +75,9 @@ def _sure(fits: Fits, values: np.ndarray, found: np.ndarray) -> float:
     if freedom <= 0:
         return 0.0
     moved = trials - found[0]
+    if np.any((values != 0.0) & ~moved.any(axis=0)):
+        # All fits end at its bound. (A vendor's friction of 1 Nm where there is 0.02.)
+        return np.inf
     scale = np.maximum(np.sqrt((moved**2).sum(axis=0)), 1e-300)
     spread = (moved / scale).T @ (moved / scale) * (len(trials) - 1) / len(trials)
     distance = float(values / scale @ np.linalg.pinv(spread, hermitian=True) @ (values / scale))

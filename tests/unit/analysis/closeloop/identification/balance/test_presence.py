@@ -44,6 +44,16 @@ def test_two_coefficients_may_be_sure_together_where_neither_is_alone() -> None:
     assert _sure(few, few.coefficients[0], few.coefficients) == 0.0
 
 
+def test_what_ends_at_its_bound_in_every_fit_is_sure() -> None:
+    """Of friction that a vendor's file declares and no joint has, two joints kept all."""
+    gone = means(np.tile([-1.0, 0.3], (4, 1)) + np.outer([1.0, -1.0, 1.0, -1.0], [0.0, 0.5]))
+    for ones, sure in (([0], np.inf), ([0, 1], np.inf)):
+        assert _sure(gone, gone.coefficients[0, ones], gone.coefficients[:, ones]) == sure
+    assert _sure(gone, gone.coefficients[0, [1]], gone.coefficients[:, [1]]) < 1.0
+    none = means(np.zeros((4, 1)))
+    assert _sure(none, none.coefficients[0], none.coefficients) == 0.0
+
+
 @pytest.mark.parametrize(("apart", "there"), [(0.0, True), (0.02, False)])
 def test_a_robot_s_wrong_zero_has_one_size_at_every_place(apart: float, there: bool) -> None:
     """Other effects are laws, whose size may differ; two arms had a zero that was none."""
