@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given import layout
+from analysis.given.copies import without_copies
 from analysis.given.delta import kurtosis
 from analysis.given.dependence import related
 from analysis.given.hsic import hsic
 from analysis.given.measures import MEASURES, Measure, standard
 from analysis.given.reading import read_sheet
-from analysis.given.sample import FEWEST_ROWS, Sample, choose, first_of_each
+from analysis.given.sample import FEWEST_ROWS, Sample, choose
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.json_values import number
 from analysis.sensitivity.estimators import Estimate
@@ -59,7 +60,7 @@ def answer(sample: Sample) -> dict[str, Any]:
     remarks = [*sample.remarks, *used.remarks]
     if len(x):
         # Several runs at the same point are one of the points that were drawn.
-        points = x[first_of_each(x, x.shape[1])]
+        points = x[without_copies(x, x[:, :0])]
         remarks.extend(related(sample.factors, points, drawn=used.drawn))
     withheld = _withheld_from(x, sample.factors)
     remarks += [*_few_values(x, sample.factors), *(why for _, why in withheld)]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given.cells import on_one_line
+from analysis.given.copies import without_copies
 from analysis.given.reading import Sheet
 from analysis.given.refusals import GivenError
 from models.entries import RESULT_COLUMNS
@@ -17,8 +18,6 @@ Array = NDArray[np.float64]
 FEWEST_ROWS = 64
 #: Factors times outputs at most: what the measures take is proportional to them.
 MOST_PAIRS = 1000
-#: Of a column with more than this share of values of its own, equal rows are copies.
-_HARDLY = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +104,7 @@ def _sample(
 ) -> Sample:
     names = (*factors, *outputs)
     table = np.column_stack([sheet.numbers[name] for name in names])
-    first = first_of_each(table, len(factors))
+    first = without_copies(table[:, : len(factors)], table[:, len(factors) :])
     if copies := len(table) - len(first):
         remarks.append(
             f"{copies} of {len(table)} rows are exact copies of others and are "
@@ -155,21 +154,6 @@ def _sample(
         y=np.column_stack([sheet.numbers[name] for name in outputs]),
         remarks=tuple(remarks),
     )
-
-
-def first_of_each(table: Array, factors: int) -> NDArray[np.intp]:
-    """Return the rows of a table without copies, in order; all of it where copies may be chance.
-
-    They are no chance where a column of the rest hardly repeats a value.
-    """
-    # No number is infinite here, and empty cells are equal.
-    _, first = np.unique(np.where(np.isnan(table), np.inf, table), axis=0, return_index=True)
-    # Rows without all factors are left out anyway, which is said elsewhere.
-    first = np.union1d(first, np.flatnonzero(np.isnan(table[:, :factors]).any(axis=1)))
-    rest = table[first]
-    if any(len(np.unique(column)) > _HARDLY * len(rest) for column in rest.T):
-        return first
-    return np.arange(len(table))
 
 
 def _of_a_study(sheet: Sheet) -> tuple[list[str], list[str]]:

@@ -118,7 +118,7 @@ def _beyond_chance(codes: NDArray[np.intp], pairs: int, rng: np.random.Generator
 
     Values of factors that may depend on each other are dealt together.
     """
-    together = _together(codes)
+    together = joined(codes)
     if together.max() == 0:
         return False
     dealt: list[int] = []
@@ -133,11 +133,12 @@ def _beyond_chance(codes: NDArray[np.intp], pairs: int, rng: np.random.Generator
     return bool(pairs > chance + _BEYOND * max(float(np.std(dealt, ddof=1)), chance**0.5))
 
 
-def _together(codes: NDArray[np.intp]) -> NDArray[np.intp]:
+def joined(codes: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return a group of each factor: of those that may depend on each other, the same."""
-    correlation = np.corrcoef(rankdata(codes, axis=0), rowvar=False)
-    joined = csr_array(np.nan_to_num(np.abs(correlation)) > 3.0 / np.sqrt(len(codes)))
-    group: NDArray[np.intp] = connected_components(joined, directed=False)[1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        correlation = np.atleast_2d(np.corrcoef(rankdata(codes, axis=0), rowvar=False))
+    near = csr_array(np.nan_to_num(np.abs(correlation)) > 3.0 / np.sqrt(len(codes)))
+    group: NDArray[np.intp] = connected_components(near, directed=False)[1]
     return group
 
 
