@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.given import layout
 from analysis.given.cells import on_one_line
 from analysis.given.copies import without_copies
 from analysis.given.reading import Sheet
@@ -104,7 +105,7 @@ def _sample(
 ) -> Sample:
     names = (*factors, *outputs)
     table = np.column_stack([sheet.numbers[name] for name in names])
-    first = without_copies(table[:, : len(factors)], table[:, len(factors) :])
+    first = _laid_out_or_new(table[:, : len(factors)], table[:, len(factors) :])
     if copies := len(table) - len(first):
         remarks.append(
             f"{copies} of {len(table)} rows are exact copies of others and are "
@@ -154,6 +155,18 @@ def _sample(
         y=np.column_stack([sheet.numbers[name] for name in outputs]),
         remarks=tuple(remarks),
     )
+
+
+def _laid_out_or_new(x: Array, y: Array) -> NDArray[np.intp]:
+    """Return the rows of a table without copies; all of them if only so they are a design.
+
+    Points of one meet where a factor has few values, and its indices need every one of them.
+    """
+    kept = without_copies(x, y)
+    moved = x[:, np.ptp(x, axis=0) != 0.0]
+    if len(kept) < len(x) and np.isfinite(moved).all() and not layout.recognise(moved[kept]):
+        return np.arange(len(x)) if layout.recognise(moved) else kept
+    return kept
 
 
 def _of_a_study(sheet: Sheet) -> tuple[list[str], list[str]]:

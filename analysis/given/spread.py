@@ -105,32 +105,55 @@ def in_parts(x: Array) -> int:
         return 0
     rng = np.random.default_rng(0)
     codes = np.column_stack([_levels(column) for column in x.T])
-    found, pairs = _neighbours(codes)
+    beside, pairs = _neighbours(codes)
+    found = int(beside.any(axis=1).sum())
     if found < _SHARE * len(x):
         return 0
-    if found >= _TIMES * _neighbours(rng.permuted(codes, axis=0))[0]:
+    if found >= _TIMES * _neighbours(rng.permuted(codes, axis=0))[0].any(axis=1).sum():
         return found
-    return found if _beyond_chance(codes, pairs, rng) else 0
+    dealt, beyond = _beyond_chance(codes, pairs, rng)
+    return found if beyond else _of_one_factor(codes, beside, pairs, dealt)
 
 
-def _beyond_chance(codes: NDArray[np.intp], pairs: int, rng: np.random.Generator) -> bool:
+def _beyond_chance(
+    codes: NDArray[np.intp], pairs: NDArray[np.intp], rng: np.random.Generator
+) -> tuple[Array, bool]:
     """Say whether more pairs of rows differ in one factor only than if rows were drawn.
 
     Values of factors that may depend on each other are dealt together.
+
+    Returns:
+        The pairs of each factor that chance makes, shape (factors,), and whether they are fewer.
     """
     together = joined(codes)
     if together.max() == 0:
-        return False
-    dealt: list[int] = []
+        return pairs.astype(np.float64), False
+    dealt: list[NDArray[np.intp]] = []
     for deal in range(_DEALS):
         anew = codes.copy()
         for group in range(together.max() + 1):
             anew[:, together == group] = rng.permutation(codes[:, together == group])
         dealt.append(_neighbours(anew)[1])
-        chance = float(np.mean(dealt))
-        if deal >= 2 and pairs < max(_MORE * chance, chance + _SHARE * len(codes)):
-            return False
-    return bool(pairs > chance + _BEYOND * max(float(np.std(dealt, ddof=1)), chance**0.5))
+        chance = np.mean(dealt, axis=0)
+        of_all = float(chance.sum())
+        if deal >= 2 and pairs.sum() < max(_MORE * of_all, of_all + _SHARE * len(codes)):
+            return chance, False
+    varied = float(np.std(np.sum(dealt, axis=1), ddof=1))
+    return chance, bool(pairs.sum() > of_all + _BEYOND * max(varied, of_all**0.5))
+
+
+def _of_one_factor(
+    codes: NDArray[np.intp], beside: NDArray[np.bool_], pairs: NDArray[np.intp], dealt: Array
+) -> int:
+    """Return how many rows differ from another in a factor whose pairs are far beyond chance; or 0.
+
+    Where a factor has two values, those of all others that share the rest differ in one as often by
+    chance. What a design moves alone has its own value again as often as two draws of it do.
+    """
+    equal = np.array([np.sum((np.bincount(column) / len(codes)) ** 2) for column in codes.T])
+    moved = beside.sum(axis=0) >= _SHARE * len(codes) * (1.0 - equal)
+    far = pairs > _TIMES * dealt + _BEYOND * np.sqrt(dealt)
+    return int(beside[:, moved & far].any(axis=1).sum())
 
 
 def joined(codes: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -163,22 +186,25 @@ def sharing_nothing(x: Array) -> NDArray[np.intp]:
     return np.array(kept, dtype=np.intp)
 
 
-def _neighbours(codes: NDArray[np.intp]) -> tuple[int, int]:
-    """Return how many rows have one that differs in exactly one column, and such pairs of rows."""
+def _neighbours(codes: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+    """Return which rows have one that differs in exactly this column, and such pairs of rows.
+
+    Shapes (rows, factors) and (factors,).
+    """
     # A row is told by the sum of its values' random numbers: taking one away tells all others.
     rng = np.random.default_rng(1)
     marks = [rng.integers(0, 2**62, size=column.max() + 1)[column] for column in codes.T]
     whole = np.sum(marks, axis=0)
-    beside = np.zeros(len(codes), dtype=np.bool_)
-    pairs = 0
-    for mark in marks:
+    beside = np.zeros(codes.shape, dtype=np.bool_)
+    pairs = np.zeros(codes.shape[1], dtype=np.intp)
+    for f, mark in enumerate(marks):
         order = np.lexsort((mark, whole - mark))
         rest, own = (whole - mark)[order], mark[order]
         new = np.r_[True, rest[1:] != rest[:-1]]
         start = np.flatnonzero(new)
         many = np.maximum.reduceat(own, start) != np.minimum.reduceat(own, start)
         size = np.diff(np.r_[start, len(rest)])
-        beside[order] |= np.repeat(many, size)
+        beside[order, f] = np.repeat(many, size)
         alike = np.diff(np.r_[np.flatnonzero(new | np.r_[True, own[1:] != own[:-1]]), len(rest)])
-        pairs += int((size * (size - 1)).sum() - (alike * (alike - 1)).sum()) // 2
-    return int(beside.sum()), pairs
+        pairs[f] = ((size * (size - 1)).sum() - (alike * (alike - 1)).sum()) // 2
+    return beside, pairs

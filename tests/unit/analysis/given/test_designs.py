@@ -192,3 +192,64 @@ def test_a_morris_design_on_a_grid_is_named_in_any_order(tmp_path: Path) -> None
     tied = drawn.copy()
     tied[:, 1] = np.clip(tied[:, 0] + rng.integers(-1, 2, 240), 0, 3)
     assert in_parts(drawn) == in_parts(tied) == 0
+
+
+def with_few(x: Any, levels: int) -> Any:
+    """Return points whose second factor has few values."""
+    return np.column_stack([x[:, 0], np.floor(levels * x[:, 1]), x[:, 2]])
+
+
+@pytest.mark.parametrize("levels", [2, 3])
+def test_a_saltelli_design_is_recognised_though_a_factor_of_few_values_makes_points_meet(
+    levels: int, tmp_path: Path
+) -> None:
+    design = saltelli(64)[:, [0, 2, 3, 4, 1]]
+    x = with_few(design.reshape(-1, 3), levels)
+    assert len(np.unique(x, axis=0)) < len(x)
+    found = analyse(written(tmp_path / "s.csv", np.column_stack([x, x.sum(axis=1)])), ["y"])
+    assert found["design"] == {"method": "saltelli", "rows": 64, "width": 5}
+    assert found["rows_used"] == 320 and "copies" not in " ".join(found["remarks"])
+
+
+@pytest.mark.parametrize("levels", [4, 6, 8])
+@pytest.mark.parametrize("k", [3, 4])
+def test_a_morris_design_is_recognised_though_its_walks_meet(
+    levels: int, k: int, tmp_path: Path
+) -> None:
+    rng, rows = np.random.default_rng(1), []
+    for _ in range(40):
+        point, step = rng.integers(0, levels // 2, k), levels // 2
+        rows.append(point)
+        for factor in rng.permutation(k):
+            point = point + step * (np.arange(k) == factor)
+            rows.append(point)
+    x = np.array(rows, dtype=float)
+    assert len(np.unique(x, axis=0)) < len(x)
+    table = np.column_stack([x, x @ (1.0 + np.arange(k))])
+    found = analyse(written(tmp_path / "m.csv", table, ",".join("abcd"[:k]) + ",y"), ["y"])
+    assert found["design"] == {"method": "morris", "rows": 40, "width": k + 1}
+
+
+def test_a_design_that_stands_there_twice_counts_once(tmp_path: Path) -> None:
+    x = with_few(saltelli(64).reshape(-1, 3), 2)
+    table = np.tile(np.column_stack([x, x.sum(axis=1)]), (2, 1))
+    found = analyse(written(tmp_path / "twice.csv", table), ["y"])
+    assert found["design"] == {"method": "saltelli", "rows": 64, "width": 5}
+
+
+@pytest.mark.parametrize("levels", [2, 3])
+def test_parts_of_a_design_with_a_factor_of_few_values_are_named_in_any_order(
+    levels: int, tmp_path: Path
+) -> None:
+    x = np.random.default_rng(6).permutation(with_few(saltelli(128).reshape(-1, 3), levels))
+    found = analyse(written(tmp_path / "p.csv", np.column_stack([x, x.sum(axis=1)])), ["y"])
+    assert found["design"] is None
+    assert "as parts of a Saltelli or Morris design do" in " ".join(found["remarks"])
+
+
+def test_drawn_tables_with_factors_of_few_values_are_no_parts_of_a_design() -> None:
+    for seed in range(20):
+        drawn = np.random.default_rng(seed).random((300, 4))
+        for levels in ((2, 0, 0, 0), (2, 3, 0, 0), (2, 2, 5, 0), (2, 75, 0, 0)):
+            x = np.where(np.array(levels) > 0, np.floor(drawn * levels), drawn)
+            assert in_parts(x) == 0
