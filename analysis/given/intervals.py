@@ -89,7 +89,13 @@ def by_chance(
     return Chance(mean=found.mean(axis=0), variance=found.var(axis=0, ddof=1))
 
 
-def half_width(spread: Spread, by_chance: Array, level: float, seen: float = 2.0) -> Array:
+def half_width(
+    spread: Spread,
+    by_chance: Array,
+    level: float,
+    seen: float = 2.0,
+    least: Array | float = 0.0,
+) -> Array:
     """Return half the width of an interval (Efron and Stein 1981).
 
     Args:
@@ -98,9 +104,11 @@ def half_width(spread: Spread, by_chance: Array, level: float, seen: float = 2.0
         level: between 0 and 1.
         seen: how many times that is in the variance, which is taken off but for once, as far as all
             of the variance may be such.
+        least: the variance that it has at least. Two halves of which an index is the square of one
+            number agree where that number is 0 in all of them together.
     """
     variance = spread.variance
-    left = np.maximum(variance - (seen - 1.0) * by_chance, variance / seen)
+    left = np.maximum(variance - (seen - 1.0) * by_chance, np.maximum(variance / seen, least))
     half: Array = -stdtrit(spread.freedom, (1.0 - level) / 2.0) * np.sqrt(left)
     return half
 

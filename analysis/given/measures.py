@@ -30,12 +30,15 @@ Array = NDArray[np.float64]
 
 #: Harmonics of RBD-FAST: SALib's own.
 HARMONICS = 10
+#: A factor of no more values has as many means as harmonics have coefficients, or fewer.
+FEW_VALUES = 2 * HARMONICS + 1
 
 
 def rbd_fast(x: Array, y: Array) -> Array:
     """Return first-order indices by random balance designs, with the bias taken off.
 
-    Tarantola, Gatelli and Mara 2006; for any sample Plischke 2010; bias Tissot and Prieur 2012.
+    Tarantola, Gatelli and Mara 2006; for any sample Plischke 2010; bias Tissot and Prieur 2012. Of
+    factors of few values `class_means`: harmonics do not follow steps.
     """
     return rbd_fast_at(x)(y)
 
@@ -45,15 +48,42 @@ def rbd_fast_at(x: Array) -> Callable[[Array], Array]:
     from SALib.analyze.rbd_fast import permute_outputs, unskew_S1
     from scipy.signal import periodogram
 
-    order = np.stack([permute_outputs(column, np.arange(len(x))) for column in x.T])
+    classes = [np.unique(column, return_inverse=True)[1] for column in x.T]
+    few = np.array([one.max() < FEW_VALUES for one in classes])
+    stepped = [one for one, is_few in zip(classes, few, strict=True) if is_few]
+    order = [permute_outputs(column, np.arange(len(x))) for column in x.T[~few]]
 
     def of_output(y: Array) -> Array:
-        # All factors at once: SALib's periodogram of each alone takes its time to begin.
-        _, power = periodogram(y[order])
-        raw = power[:, 1 : HARMONICS + 1].sum(axis=1) / power[:, 1:].sum(axis=1)
-        return np.asarray(unskew_S1(raw, HARMONICS, len(y)), dtype=np.float64)
+        found = np.empty(len(few))
+        found[few] = [class_means(one, y) for one in stepped]
+        if order:
+            # All factors at once: SALib's periodogram of each alone takes its time to begin.
+            _, power = periodogram(y[np.stack(order)])
+            raw = power[:, 1 : HARMONICS + 1].sum(axis=1) / power[:, 1:].sum(axis=1)
+            found[~few] = unskew_S1(raw, HARMONICS, len(y))
+        return found
 
     return of_output
+
+
+def class_means(classes: NDArray[np.intp], y: Array) -> float:
+    """Return the correlation ratio of an output, less what chance adds to it (Kelley 1935).
+
+    The share of the variance that lies between the means of the classes, less what each mean errs
+    by its own class's variance, as far as that has one, so that noise may differ (Welch 1938).
+
+    Args:
+        classes: the number of each row's class, from 0 on, shape (rows,).
+        y: shape (rows,).
+    """
+    rows = np.bincount(classes)
+    about = y - y.mean()
+    mean = np.bincount(classes, about) / rows
+    squares = np.bincount(classes, (about - mean[classes]) ** 2)
+    pooled = squares.sum() / max(len(y) - len(rows), 1)
+    within = np.where(rows > 1, squares / np.maximum(rows - 1, 1), pooled)
+    between = rows @ mean**2 - within @ (1.0 - rows / len(y))
+    return float(between / (about @ about))
 
 
 def unless_still(index: Callable[[Array, Array], Array]) -> Callable[[Array, Array], Array]:
@@ -172,7 +202,8 @@ class Measure:
         def half_if(true: Array) -> Array:
             """Return half the width of an interval around an index that is `true`."""
             share = nothing if self.rest is None else self.rest(true, chance.mean)
-            return half_width(spread, chance.variance * share, level, seen)
+            added = chance.variance * share
+            return half_width(spread, added, level, seen, added if self.of_halves else 0.0)
 
         if self.score:
             low, high = by_score(half_if, value, half_width(spread, nothing, level))
@@ -202,7 +233,8 @@ MEASURES = (
         needs_drawn=True,
         assumes="factors are independent of each other, points are drawn at random or as a Latin "
         "hypercube (of Sobol's points it is withheld), and the output changes with each of them "
-        f"no more often than {HARMONICS} harmonics follow; says nothing of interactions",
+        f"no more often than {HARMONICS} harmonics follow, but with one of {FEW_VALUES} values or "
+        "fewer in any way; says nothing of interactions",
         source="Tarantola, Gatelli and Mara 2006; Plischke 2010; Tissot and Prieur 2012 (SALib)",
     ),
     Measure(

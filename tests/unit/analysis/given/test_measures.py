@@ -191,6 +191,9 @@ def test_what_chance_adds_is_counted_once_and_is_all_of_the_variance_at_most() -
     # Seen two and a half times in the variance, it is one part of two and a half.
     half = half_width(spread, added, 0.9, seen=2.5)
     assert half**2 / half[0] ** 2 == pytest.approx([1.0, 0.625, 0.4])
+    # Halves that happen to agree do not make an interval shorter than chance alone does.
+    half = half_width(spread, added, 0.9, seen=2.5, least=added)
+    assert half**2 / half[0] ** 2 == pytest.approx([1.0, 0.625, 0.75])
 
 
 def test_score_intervals_of_shares_are_those_of_scipy() -> None:
@@ -321,3 +324,38 @@ def test_all_factors_share_one_periodogram_which_gives_each_what_it_gets_alone(
     monkeypatch.setattr("scipy.signal.periodogram", counted)
     assert measures.rbd_fast(x, y).tolist() == alone
     assert counted.call_count == 1
+
+
+def test_the_share_of_a_factor_of_few_values_is_that_of_its_means_in_whatever_order() -> None:
+    rng = np.random.default_rng(2)
+    codes = rng.permutation(np.repeat(np.arange(20.0), 20))
+    heights = rng.normal(size=20)
+    y = heights[codes.astype(int)]
+    assert measures.rbd_fast(codes[:, None], y)[0] == pytest.approx(1.0)
+    noisy = y + rng.normal(size=400)
+    groups = [noisy[codes == code] for code in range(20)]
+    ratio = sum(20 * np.mean(one) ** 2 for one in groups) / 400 - noisy.mean() ** 2
+    # Of equal classes it is epsilon squared (Kelley 1935).
+    epsilon = 1.0 - (1.0 - ratio / noisy.var()) * 399 / 380
+    assert measures.rbd_fast(codes[:, None], noisy)[0] == pytest.approx(epsilon)
+
+
+def test_of_a_factor_of_two_values_neither_noise_nor_rare_ones_make_a_share() -> None:
+    rng, found = np.random.default_rng(2), []
+    for _ in range(400):
+        rare = (rng.random(60) < 0.1).astype(float)
+        # Noise goes with the factor, the mean does not.
+        found.append(measures.rbd_fast(rare[:, None], (1.0 + 4.0 * rare) * rng.normal(size=60))[0])
+    assert abs(np.mean(found)) < 0.015
+
+
+def test_intervals_of_a_factor_of_two_values_hold_its_share() -> None:
+    measure = next(one for one in measures.MEASURES if one.name == "rbd_fast")
+    held = idle = 0
+    for seed in range(40):
+        x = (np.random.default_rng(seed).random((200, 2)) < 0.5).astype(float)
+        y = 2.0 * x[:, 0] + np.random.default_rng(1000 + seed).normal(size=200)
+        found = measure.estimate(x, y, 0.9, np.random.default_rng(seed))
+        held += found.low[0] <= 0.5 <= found.high[0]
+        idle += found.low[1] <= 0.0 <= found.high[1]
+    assert held >= 32 and idle >= 32
