@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.sensitivity.estimators import Estimator, Statistic
+from analysis.sensitivity.estimators.morris import ROUNDING
+from analysis.sensitivity.fewer_runs.limits import ROUNDING as SAME
+from analysis.sensitivity.records import LARGEST_OUTPUT
 
 #: With fewer rows nothing is "reached" or "not influential".
 FEWEST_ROWS = 128
@@ -36,6 +39,11 @@ ENOUGH_RUNS = 500.0
 _SURE_LEVEL = 0.99
 #: What is above 1 by less would be said to be "at least 1".
 _CLEARLY_ABOVE_ONE = 1.005
+#: Outputs that differ by less have squares, and powers of these, that are no numbers.
+_SMALLEST_SPREAD = 1.0 / LARGEST_OUTPUT
+#: What rounding may hide of effects, as a share of what the output varies by: half of what a factor
+#: does that does not matter (`screening.SHARE_OF_LARGEST`).
+_HIDDEN = 0.05
 #: What is wrong with indices from trajectories that lie far apart (docs/decisions/0015).
 _OUTER_LEVELS = (
     "sampling trajectories takes outer levels more often than inner ones, so indices of factors "
@@ -92,6 +100,7 @@ def judge(
     kurtosis = float(estimator.kurtosis()[output])
     effective = runs / kurtosis
     reasons = [_OUTER_LEVELS] if estimator.sampling == "trajectories" and rows else []
+    reasons += _not_in_numbers(name, float(estimator.least[output]), float(estimator.most[output]))
     if rows >= FEWEST_ROWS:
         if on_few_runs(estimator)[output]:
             as_many = f"as many as {effective:.0f} of equal size would, of {runs:,}"
@@ -128,6 +137,28 @@ def judge(
         trusted=None if rows < FEWEST_ROWS else not reasons,
         sentence=" ".join(said),
     )
+
+
+def _not_in_numbers(name: str, least: float, most: float) -> list[str]:
+    """Return why an output's values, from `least` to `most`, are not told by double precision.
+
+    (Higham 2002, Accuracy and stability of numerical algorithms, section 1.7 and chapter 2.)
+    """
+    spread, size = most - least, max(abs(least), abs(most))
+    # Of what is the same in every run `stopping.no_spread` says so.
+    if not SAME * size < spread:
+        return []
+    if spread < _SMALLEST_SPREAD:
+        return [
+            f"{name} varies by {spread:.1g} only, and sums cannot hold the squares of such numbers "
+            "(give it in a smaller unit)"
+        ]
+    if ROUNDING * size > _HIDDEN * spread:
+        return [
+            f"{name} varies by {spread:.1g} about {size:.1g}, and of such numbers too few digits "
+            "are left for it (take off what is the same in every run)"
+        ]
+    return []
 
 
 def _short_of_one(statistics: Mapping[str, Statistic], output: int) -> float | None:

@@ -242,3 +242,34 @@ def test_a_result_as_large_as_any_is_a_tail_and_no_error(method: str, size: floa
         evaluations={"ok": values.size},
     )
     assert snapshot["outputs"]["y"]["trust"]["trusted"] is False
+
+
+@pytest.mark.parametrize("method", ["morris", "saltelli", "shapley"])
+@pytest.mark.parametrize(("scale", "offset"), [(1e-170, 0.0), (1.0, 1e14)])
+def test_outputs_of_which_sums_hold_no_squares_or_few_digits_reach_nothing(
+    method: str, scale: float, offset: float
+) -> None:
+    plan = StudyPlan(
+        id="s",
+        method=method,
+        seed=3,
+        sampling="owen_blocks",
+        rows=256,
+        factors=("a", "b", "c"),
+        outputs=("y",),
+    )
+    points = unit_rows(method, plan.sampling, 3, range(256), 3)
+    values = (np.sin(6.0 * points[..., 0]) + 2.0 * points[..., 1] * points[..., 2]) * scale + offset
+    growing = new_growing_estimator(plan)
+    growing.add_rows(range(256), np.stack([values, np.zeros_like(values)], axis=-1))
+    snapshot = take_snapshot(
+        plan,
+        growing.total(),
+        growing.series,
+        cursor=0,
+        rows_complete=256,
+        evaluations={"ok": values.size},
+    )
+    trust = snapshot["outputs"]["y"]["trust"]
+    assert trust["trusted"] is False and trust["sentence"] in remarks(snapshot, "y")
+    assert not step(snapshot, 0.4).reached

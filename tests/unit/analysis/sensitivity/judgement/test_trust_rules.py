@@ -22,6 +22,16 @@ class Sums:
     #: `kurtosis_of_y` if None.
     other: float | None = None
     sampling: str = "owen_blocks"
+    #: The values of the output that is looked at.
+    ends: tuple[float, float] = (0.0, 1.0)
+
+    @property
+    def least(self) -> Any:
+        return np.array([0.0, self.ends[0]])
+
+    @property
+    def most(self) -> Any:
+        return np.array([1.0, self.ends[1]])
 
     @property
     def effects(self) -> Any:
@@ -161,3 +171,26 @@ def test_a_share_that_is_surely_above_one_is_not_to_be_trusted(index: str, what:
         f"Do not trust these intervals: {what} of y is at least 1.05, and truly never more than 1, "
         "so the rows are too few for a share of the variance."
     )
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        ((0.0, 0.99e-100), "sums cannot hold the squares"),
+        ((-1e-170, 1e-170), "sums cannot hold the squares"),
+        ((0.0, 1.01e-100), ""),
+        ((1e14, 1e14 + 4.0), "too few digits are left"),
+        ((-1e14 - 4.0, -1e14), "too few digits are left"),
+        ((1e13, 1e13 + 4.0), ""),
+        ((0.0, 1e99), ""),
+        ((0.0, 0.0), ""),
+        ((0.3, np.nextafter(0.3, 1.0)), ""),
+        ((np.inf, -np.inf), ""),
+    ],
+)
+def test_what_double_precision_does_not_tell_is_not_to_be_trusted(
+    ends: tuple[float, float], said: str
+) -> None:
+    found = judged(Sums(rows=256, runs=512, kurtosis_of_y=3.0, ends=ends))
+    assert found.trusted is (not said) and said in found.sentence
+    assert bool(found.sentence) is bool(said)
