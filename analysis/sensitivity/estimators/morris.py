@@ -14,6 +14,7 @@ from analysis.sensitivity.estimators.statistic import Index
 from analysis.sensitivity.estimators.tails import (
     LARGEST_FOURTH,
     heaviness,
+    lopsidedness,
     of_draws,
     of_leading,
     raw_kurtosis,
@@ -82,7 +83,8 @@ class MorrisEstimator(Estimator):
         # n - 1 makes up for a mean that errs as that of independent rows does; that of balanced
         # ones hardly errs, as the blocks tell.
         mean = sums.mean("effect")
-        error = jackknife_error(mean[1:FIRST], counts[1:FIRST] < counts[0])
+        present = counts[1:FIRST] < counts[0]
+        error = jackknife_error(mean[1:FIRST], present)
         with np.errstate(divide="ignore", invalid="ignore"):
             unbiased = 1.0 - 1.0 / counts[0] + error**2 / variance[0]
         scale = np.where(np.isfinite(unbiased), np.sqrt(np.maximum(unbiased, 0.0)), 1.0)
@@ -96,9 +98,19 @@ class MorrisEstimator(Estimator):
             n=counts[0],
         )
         heavy = heaviness(counts[0] / of_squares.rows, self.heavy_kurtosis)
+        magnitude = sums.mean("magnitude")
+        skewed, of_magnitudes = (
+            lopsidedness(one[1:FIRST], present) for one in (variance, magnitude)
+        )
         return {
             "mu": Index(weighted=mean, count=counts, apart=apart),
-            "mu_star": Index(weighted=sums.mean("magnitude"), count=counts, power=1, apart=apart),
+            "mu_star": Index(
+                weighted=magnitude,
+                count=counts,
+                power=1,
+                apart=apart,
+                longer=1.0 + (LOW - 1.0) * of_magnitudes,
+            ),
             "sigma": Index(
                 weighted=np.sqrt(variance),
                 count=counts,
@@ -106,7 +118,7 @@ class MorrisEstimator(Estimator):
                 apart=apart,
                 scale=scale,
                 tail=of_squares,
-                longer=1.0 + (LOW - 1.0) * heavy,
+                longer=1.0 + (LOW - 1.0) * np.maximum(heavy, skewed),
             ),
         }
 

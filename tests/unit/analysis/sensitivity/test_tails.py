@@ -5,11 +5,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy import integrate, special, stats
 
+from analysis.designs import unit_rows
+from analysis.sensitivity.estimators import MorrisEstimator
 from analysis.sensitivity.estimators.intervals import satterthwaite
 from analysis.sensitivity.estimators.tails import (
     BEND,
     Tail,
     heaviness,
+    lopsidedness,
     of_draws,
     of_leading,
     raw_kurtosis,
@@ -165,3 +168,41 @@ def test_a_power_beyond_all_numbers_is_a_tail_as_heavy_as_any() -> None:
     """One result of 1e80 ended the analysis of every study: its square's square was infinite."""
     second, fourth = np.array([1e200, 1e100, 0.0]), np.array([1e300, np.inf, 0.0])
     np.testing.assert_array_equal(raw_kurtosis(second, fourth), [np.inf, np.inf, np.nan])
+
+
+def test_blocks_are_lopsided_as_far_as_the_skewness_of_what_each_adds() -> None:
+    rng, every = np.random.default_rng(1), np.ones((BLOCKS, 50), dtype=np.bool_)
+    added = rng.exponential(size=(BLOCKS, 50))
+    without = (added.sum(axis=0) - added) / (BLOCKS - 1)
+    expected = np.clip(stats.skew(added, axis=0, bias=False), 0.0, 1.0)
+    for size in (1.0, 1e-200, 1e150):
+        assert lopsidedness(size * without, every) == pytest.approx(expected)
+    five = every & (np.arange(BLOCKS) < 5)[:, None]
+    expected = np.clip(stats.skew(added[:5], axis=0, bias=False), 0.0, 1.0)
+    assert lopsidedness(np.where(five, without, np.nan), five) == pytest.approx(expected)
+
+
+def test_blocks_that_are_the_same_or_two_are_not_lopsided() -> None:
+    every = np.ones((BLOCKS, 2), dtype=np.bool_)
+    two = np.arange(BLOCKS)[:, None] < np.array([2, 1])
+    with np.errstate(all="raise"):
+        assert np.all(lopsidedness(np.ones((BLOCKS, 2)), every) == 0.0)
+        assert np.all(lopsidedness(np.ones((0, 2)), every[:0]) == 0.0)
+        assert np.all(lopsidedness(np.arange(2.0 * BLOCKS).reshape(BLOCKS, 2), two) == 0.0)
+
+
+def test_intervals_of_effects_of_moderate_tails_hold_the_truth_where_they_did_not() -> None:
+    """The sum of three exponential factors, 128 rows: sigma was held in 0.77, mu* in 0.86."""
+    # By quadrature over base and step of -log(1 - u).
+    truth = {"mu_star": 2.9927, "sigma": 2.4946}
+    held: dict[str, list[Array]] = {name: [] for name in truth}
+    for seed in range(60):
+        estimator = MorrisEstimator(
+            sampling="owen_blocks", seed=seed, factors=3, outputs=1, weightings=1 + BLOCKS
+        )
+        points = unit_rows("morris", "owen_blocks", seed, range(128), 3)
+        estimator.add_rows(range(128), -np.log1p(-points).sum(axis=-1, keepdims=True))
+        for name, index in estimator.indices(0.9).items():
+            if name in truth:
+                held[name].append((index.low <= truth[name]) & (truth[name] <= index.high))
+    assert np.mean(held["sigma"]) > 0.83 and np.mean(held["mu_star"]) > 0.88
