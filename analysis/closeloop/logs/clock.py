@@ -85,17 +85,20 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
     )
     for at in likely:
         belief = beliefs[at]
-        if belief.quantity not in ("time", "unknown"):
+        unnamed = belief.quantity == "unknown"
+        if belief.quantity != "time" and not unnamed:
             continue
         # From trial to trial is no step.
         ends = [begin - 1 for _, begin in belief.channel.trials if begin]
         steps = np.delete(np.diff(belief.channel.values), ends)
         median = float(np.median(steps))
-        regular = median > 0 and np.mean((steps >= 0) & (steps < 5 * median)) > 0.98
+        # What goes one way and stays for a while has no name of a clock, nor is it one.
+        forward = steps > 0 if unnamed else steps >= 0
+        regular = median > 0 and np.mean(forward & (steps < 5 * median)) > 0.98
         units = [u for u, scale in CLOCKS.items() if STEPS[0] <= median * scale <= STEPS[1]]
         if not regular or not units:
             continue
-        if belief.quantity == "unknown" and np.all(steps == 1.0):
+        if unnamed and np.all(steps == 1.0):
             beliefs[at] = replace(belief, why="counts the samples, or milliseconds: say which")
             continue
         unit = belief.unit if belief.unit in units else units[0]

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.clock import clock_of
 from analysis.closeloop.logs.inspection import believe, of_rates
@@ -249,6 +250,16 @@ def test_a_log_without_a_clock_has_the_rate_that_its_user_says(tmp_path: Path) -
     log = read_log(clockless(tmp_path / "log.csv", twist=1.5))
     time = believe(log, rate_hz=125.0)[0].channel.time
     assert time is not None and clock_of(time).rate == pytest.approx(125.0)
+
+
+def test_what_rises_and_stays_by_turns_and_has_no_name_of_a_clock_is_none() -> None:
+    """A real arm's wanted position took a third of its samples, though its rate was given."""
+    wanted = np.sort(np.concatenate([np.arange(800.0), np.arange(0.0, 800.0, 4.0)])) / 100.0
+    log = log_of("CSV", {"x": wanted, "q1": np.sin(wanted), "tau1": np.cos(wanted)}.items())
+    beliefs = believe(log, rate_hz=100.0)
+    assert [b.quantity for b in beliefs] == ["unknown", "position", "effort"]
+    assert beliefs[0].channel.time is not None and len(beliefs[0].channel.time) == len(wanted)
+    assert clock_of(beliefs[0].channel.time).repeated == 0
 
 
 def test_a_log_with_a_clock_keeps_it(tmp_path: Path) -> None:
