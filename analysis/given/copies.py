@@ -33,6 +33,8 @@ def without_copies(x: Array, y: Array) -> NDArray[np.intp]:
     """
     rows = np.arange(len(x))
     there = np.asarray(~np.isnan(x).any(axis=1), dtype=np.bool_)
+    if not there.any():
+        return rows
     x, y = x[there], y[there]
     row = _codes(np.column_stack([x, y]))
     count = np.bincount(row)

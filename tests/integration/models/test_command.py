@@ -142,7 +142,8 @@ def test_an_answer_to_a_line_that_was_not_read_is_none(tmp_path: Path) -> None:
     folder = edited("ishigami_python", tmp_path, {"[[outputs]]": f"{more}[[outputs]]"})
     program = Command(read_folder(folder))
     (folder / "ishigami.py").write_text(
-        """import time\nprint('{"outputs": {"y": 1}}', flush=True)\ntime.sleep(60)"""
+        # Asked by then, on a busy machine, too.
+        """import time\ntime.sleep(2)\nprint('{"outputs": {"y": 1}}', flush=True)\ntime.sleep(60)"""
     )
     with pytest.raises(ModelFailure, match="answered before it had read its line"):
         program({})

@@ -58,6 +58,11 @@ def test_copies_are_dropped_of_values_that_hardly_repeat() -> None:
                 assert without_copies(table, weighed(table)).tolist() == list(range(200))
 
 
+@pytest.mark.parametrize("rows", [0, 3])
+def test_of_rows_without_factors_all_are_kept(rows: int) -> None:
+    assert without_copies(np.full((rows, 2), np.nan), np.ones((rows, 1))).tolist() == [*range(rows)]
+
+
 def test_a_table_of_few_values_that_stands_there_twice_is_halved() -> None:
     x = unequal(np.random.default_rng(3), 400)
     rows = without_copies(np.tile(x, (2, 1)), np.tile(weighed(x), (2, 1)))
