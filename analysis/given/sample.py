@@ -163,8 +163,10 @@ def _laid_out_or_new(x: Array, y: Array) -> NDArray[np.intp]:
     Points of one meet where a factor has few values, and its indices need every one of them.
     """
     kept = without_copies(x, y)
+    if len(kept) == len(x):
+        return kept
     moved = x[:, np.ptp(x, axis=0) != 0.0]
-    if len(kept) < len(x) and np.isfinite(moved).all() and not layout.recognise(moved[kept]):
+    if np.isfinite(moved).all() and not layout.recognise(moved[kept]):
         return np.arange(len(x)) if layout.recognise(moved) else kept
     return kept
 
