@@ -90,43 +90,32 @@ def solve_each(grams: np.ndarray, lower: np.ndarray) -> np.ndarray:
     moments = grams[:, :size, size] / scale
     found = np.linalg.solve(every, moments[:, :, None])[:, :, 0] / scale
     free = np.ones(found.shape, dtype=bool)
-    left = np.flatnonzero((found < lower).any(axis=1))
-    while len(left):
-        found[left] = _held(every[left], moments[left], scale[left], lower, found[left], free, left)
-        left = left[(free[left] & (found[left] < lower)).any(axis=1)]
+    while (broken := free & (found < lower)).any():
+        left = np.flatnonzero(broken.any(axis=1))
+        beyond_by = np.where(broken, (found - lower) * np.where(broken, scale, 1.0), np.inf)
+        free[left, beyond_by[left].argmin(axis=1)] = False
+        found[left] = _held(every[left], moments[left], scale[left], lower, free[left])
     return np.asarray(found)
 
 
 def _held(
-    every: np.ndarray,
-    moments: np.ndarray,
-    scale: np.ndarray,
-    lower: np.ndarray,
-    found: np.ndarray,
-    free: np.ndarray,
-    left: np.ndarray,
+    every: np.ndarray, moments: np.ndarray, scale: np.ndarray, lower: np.ndarray, free: np.ndarray
 ) -> np.ndarray:
-    """Hold the coefficient that most leaves its bound, one more of each fit; return all, (k, n).
+    """Return the coefficients of fits some of which are held at their bounds, (k, n).
 
     Args:
-        every: the scaled Gram matrices of the fits that leave bounds, (k, n, n).
+        every: the scaled Gram matrices, (k, n, n).
         moments: of the scaled columns with the target, (k, n).
         scale: what the columns were divided by, (k, n).
         lower: the bounds, (n,).
-        found: the coefficients so far, (k, n).
-        free: which coefficients of every fit are not held, (parts, n); more of it are, afterwards.
-        left: the numbers of the fits, (k,).
+        free: which coefficients are not held, (k, n).
     """
-    broken = free[left] & (found < lower)
-    worst = np.where(broken, (found - lower) * np.where(broken, scale, 1.0), np.inf).argmin(axis=1)
-    free[left, worst] = False
-    own = free[left]
-    fixed = np.where(own, 0.0, lower) * np.where(own, 1.0, scale)
+    fixed = np.where(free, 0.0, lower) * np.where(free, 1.0, scale)
     # Those that are held have rows and columns of the identity.
-    both = np.where(own[:, :, None] & own[:, None, :], every, np.eye(len(lower)))
-    given = np.where(own, moments - (every * fixed[:, None, :]).sum(axis=2), 0.0)
+    both = np.where(free[:, :, None] & free[:, None, :], every, np.eye(len(lower)))
+    given = np.where(free, moments - (every * fixed[:, None, :]).sum(axis=2), 0.0)
     solved = np.linalg.solve(both, given[:, :, None])[:, :, 0] / scale
-    return np.where(own, solved, lower)
+    return np.where(free, solved, lower)
 
 
 def misfit(gram: np.ndarray, coefficients: np.ndarray) -> float:
