@@ -116,32 +116,25 @@ def test_no_coupling_is_named_for_what_shakes_the_neighbour_too(
     assert [step.key[0] for step in grown.steps] == found and refused is None
 
 
-def test_a_late_motor_whose_loop_rings_is_named() -> None:
-    """The ringing holds most of what is missing, and less than half of what the motion needs."""
+@pytest.mark.parametrize("found", ["time_delay", "added_inertia"])
+def test_what_makes_a_loop_ring_is_named(found: str) -> None:
+    """The ringing holds most of what is missing, and less than half of what the motion needs.
+
+    It takes all, and has the same size where nothing rings. (A load of the unkind bench.)
+    """
     recording, _ = trembling(0.006)
     needed = recording.inverse[:, [ELBOW]]
-    rows = rows_of(recording, (recording.shifted(needed, 0.02) - needed)[:, 0])
+    extra = {
+        "time_delay": (recording.shifted(needed, 0.02) - needed)[:, 0],
+        "added_inertia": 0.2 * recording.acceleration[:, ELBOW],
+    }
+    rows = rows_of(recording, extra[found])
     assert of(rows) == {ELBOW}
     model = Model(rows.recording)
     score = evaluate(model, rows)
-    tried = [
-        Candidate(effect=BY_NAME[name], joint=ELBOW) for name in ("added_inertia", "time_delay")
-    ]
+    tried = [Candidate(effect=BY_NAME[name], joint=ELBOW) for name in extra]
     grown, _ = grow(Grown(model, score), rows, score, lambda _: None, tried)
     (step,) = grown.steps
-    assert step.key[0] == "time_delay"
-    assert step.taken.theta["delay"] == pytest.approx(0.02, rel=0.05)
-
-
-def test_an_inertia_with_which_the_loop_rings_is_named() -> None:
-    """It takes all, and has the same size where nothing rings. (A load of the unkind bench.)"""
-    recording, _ = trembling(0.006)
-    rows = rows_of(recording, 0.2 * recording.acceleration[:, ELBOW])
-    assert of(rows) == {ELBOW}
-    model = Model(rows.recording)
-    score = evaluate(model, rows)
-    tried = [
-        Candidate(effect=BY_NAME[name], joint=ELBOW) for name in ("added_inertia", "time_delay")
-    ]
-    grown, _ = grow(Grown(model, score), rows, score, lambda _: None, tried)
-    assert [step.key[0] for step in grown.steps] == ["added_inertia"]
+    assert step.key[0] == found
+    if found == "time_delay":
+        assert step.taken.theta["delay"] == pytest.approx(0.02, rel=0.05)
