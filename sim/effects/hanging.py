@@ -40,28 +40,28 @@ def hanging(
 
     count, links = load.shape
     states = 2 * links
-    goes_on = np.ones(count, dtype=bool)
-    goes_on[begins] = False
-    now = np.flatnonzero(goes_on)
-    before = now - 1
-    mass, drag, held = (0.5 * (x[before] + x[now]) for x in (inertia, damping, stiffness))
+    # A row for each step, from one sample to the next; none goes from one stretch to another.
+    mass, drag, held = (0.5 * (x[:-1] + x[1:]) for x in (inertia, damping, stiffness))
     swing = _swing(mass, drag, held, step)
-    # A row for each diagonal, the main one first; a step goes from one sample to the next.
-    band = np.zeros((2 * states, states * count), order="F")
-    band[0] = 1.0
+    swing[begins[begins > 0] - 1] = 0.0
+    # A row for each diagonal, the main one first.
+    band = np.zeros((states * count, 2 * states))
+    band[:, 0] = 1.0
+    steps = band.reshape(count, states, 2 * states)[:-1]
     for row in range(states):
         for column in range(states):
-            band[states + row - column, states * before + column] = -swing[:, row, column]
-    given = np.zeros((count, states, 1 + states))
-    given[begins, :links, 0] = _solved(stiffness[begins], load[begins])
-    given[begins, :, 1:] = np.eye(states)
+            np.negative(swing[:, row, column], out=steps[:, column, states + row - column])
+    given = np.empty((1 + states, count, states))
     # Under a load that changes evenly all may go evenly, too.
-    rate = _solved(held, (load[now] - load[before]) / step)
-    even = np.hstack([_solved(held, load[before] - _times(drag, rate)), rate])
-    given[now, :, 0] = even - _times(swing, even)
-    given[now, :links, 0] += rate * step
-    columns = np.asfortranarray(given.reshape(count * states, 1 + states))
-    found, _ = dtbtrs(band, columns, uplo="L", diag="U", overwrite_b=True)
+    rate = _solved(held, (load[1:] - load[:-1]) / step)
+    even = np.concatenate([_solved(held, load[:-1] - _times(drag, rate)), rate], axis=1)
+    given[0, 1:] = even - _times(swing, even)
+    given[0, 1:, :links] += rate * step
+    given[0, begins, :links] = _solved(stiffness[begins], load[begins])
+    given[0, begins, links:] = 0.0
+    given[1:] = 0.0
+    given[1:, begins] = np.eye(states)[:, None]
+    found, _ = dtbtrs(band.T, given.reshape(1 + states, -1).T, uplo="L", diag="U", overwrite_b=True)
     moved = found.reshape(count, 2, links, 1 + states)
     place, speed = moved[:, 0], moved[:, 1]
     force = -(damping @ speed + stiffness @ place)
@@ -94,15 +94,21 @@ def _swing_of_one(decay: np.ndarray, square: np.ndarray, step: float) -> np.ndar
         square: stiffness over inertia, 1/s2, (n,).
         step: s.
     """
-    # Real beyond critical damping, else imaginary; both sums of exponentials stay real.
-    turn = np.sqrt(decay**2 - square + 0j)
-    slow, quick = np.exp((turn - decay) * step), np.exp(-(turn + decay) * step)
-    even = 0.5 * (slow + quick).real
-    far = np.abs(turn * step) > ALIKE
-    apart = np.where(far, turn, 1.0)
-    odd = np.where(far, 0.5 * (slow - quick) / apart, step * np.exp(-decay * step)).real
-    first = np.stack([even + decay * odd, odd], axis=-1)
-    return np.stack([first, np.stack([-square * odd, even - decay * odd], axis=-1)], axis=-2)
+    turned, fades = decay**2 - square, np.exp(-decay * step)
+    # Sums of two exponentials beyond critical damping, else of a sine and a cosine.
+    turn = np.sqrt(np.abs(turned))
+    angle = np.maximum(turn * step, ALIKE)
+    even, odd = fades * np.cos(angle), fades * step * np.sin(angle) / angle
+    beyond = np.flatnonzero(turned > 0.0)
+    if len(beyond):
+        fall, angle = decay[beyond] * step, angle[beyond]
+        slow, quick = np.exp(angle - fall), np.exp(-(angle + fall))
+        even[beyond] = 0.5 * (slow + quick)
+        odd[beyond] = 0.5 * step * (slow - quick) / angle
+    swing = np.empty((len(decay), 2, 2))
+    swing[:, 0, 0], swing[:, 0, 1] = even + decay * odd, odd
+    swing[:, 1, 0], swing[:, 1, 1] = -square * odd, even - decay * odd
+    return swing
 
 
 def _exponential(matrices: np.ndarray) -> np.ndarray:
@@ -148,4 +154,4 @@ def _solved(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Return each matrix, (n, m, m), times its vector, (n, m)."""
-    return np.asarray((matrices @ vectors[..., None])[..., 0])
+    return np.asarray(np.einsum("nij,nj->ni", matrices, vectors))

@@ -336,11 +336,14 @@ def refined(
         left_out = ()
     if own is not None and candidate.effect is ELASTIC and BEHIND in theta:
         return _swung(model, current, rows, candidate, FREED if taken else FREED[:1])
+    asked = None
     for number, scale in enumerate(REFINEMENTS[:rounds], 1):
         begun = current.sse
         estimate = estimate_beside(model, np.array(current.coefficients), own)
         joint = RecordedJoint(model.recording, candidate.joint, estimate)
-        if candidate.effect.uses_estimate and own is not None:
+        # The same estimate has the same answer.
+        if candidate.effect.uses_estimate and own is not None and model is not asked:
+            asked = model
             grid = _turning_alike(candidate.effect.thetas(joint), turning)
             again = best_of(rest, rows, candidate, [theta, *grid], joint, left_out)
             if again is not None and again[1].sse < current.sse:

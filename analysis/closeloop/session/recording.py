@@ -17,7 +17,7 @@ from analysis.closeloop.session.signals import (
     FLICKERS,
     LEAST_MEASURED,
     REST_SHARE,
-    MeasuredLowpass,
+    PiecesLowpass,
     Sampling,
     before_lag,
     digit_speed,
@@ -34,7 +34,7 @@ NONE: Mapping[int, np.ndarray] = {}
 #: What does not depend on which joints are analysed.
 SHARED = (
     *("rigid", "inverse", "static", "top_speed", "rest_speed", "sensed"),
-    *("_lowpasses", "_thinned", "_tangents"),
+    *("_lowpass", "_thinned", "_tangents"),
 )
 
 Made = TypeVar("Made")
@@ -323,12 +323,11 @@ class Recording:
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
         """Pass columns (n, ...) through the fit's low-pass, piece by piece, as the effort."""
-        return np.concatenate([low(columns[own]) for own, low in self._lowpasses])
+        return self._lowpass(columns)
 
     @cached_property
-    def _lowpasses(self) -> list[tuple[slice, MeasuredLowpass]]:
-        cutoff, rate = self.sampling.fit_cutoff, self.rate
-        return [(own, MeasuredLowpass(self.measured[own], cutoff, rate)) for own in self.slices]
+    def _lowpass(self) -> PiecesLowpass:
+        return PiecesLowpass(self.measured, self.slices, self.sampling.fit_cutoff, self.rate)
 
     @cached_property
     def usable(self) -> np.ndarray:

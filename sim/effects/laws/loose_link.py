@@ -4,7 +4,7 @@ Spong 1987 (elastic joints). The motor's own inertia, damping and friction lie b
 and its position is what is recorded.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -218,8 +218,7 @@ def _parts(
     ways = hanging(inertia, damping, stiffness, load[:, joints], begins, 1.0 / recording.rate)
     felt = springs[:, None] * ways[:, 0] + own[:, None] * ways[:, 1]
     felt[..., 0] -= load[:, joints]
-    left = joint.estimate.residual + recording.filtered(there)
-    swings = _swings(joint, joints, felt, left)
+    swings = _swings(joint, joints, felt, there[:, joints])
     place, speed, twice = np.moveaxis(np.einsum("nkmw,nw->nkm", ways, swings)[:, :, None], 1, 0)
     parts = -(inertias * twice + drags * speed + slopes * place)
     whole = np.einsum("nmw,nw->nm", felt, swings)
@@ -256,7 +255,7 @@ def _secant(
 
 
 def _swings(
-    joint: RecordedJoint, joints: list[int], felt: np.ndarray, left: np.ndarray
+    joint: RecordedJoint, joints: list[int], felt: np.ndarray, there: np.ndarray
 ) -> np.ndarray:
     """Return how much of each way to move is there, (n, ways): 1, and what each piece began with.
 
@@ -264,29 +263,38 @@ def _swings(
         joint: one of those that hang on springs.
         joints: all of those.
         felt: their torque for each way to move, Nm or N, (n, joints, ways).
-        left: effort that the model leaves without springs, Nm or N, (n, joints).
+        there: torque of springs that the estimate holds already, Nm or N, (n, joints).
     """
     recording = joint.recording
     size = np.zeros((len(felt), felt.shape[2]))
     size[:, 0] = 1.0
-    smooth = recording.filtered(felt.reshape(len(felt), -1)).reshape(felt.shape)
-    left = left[:, joints] - smooth[..., 0]
+    left = joint.estimate.residual[:, joints] + recording.filtered(there - felt[..., 0])
     good = np.isfinite(left) & recording.usable[:, None]
     if recording.disturbed is not None:
         good &= ~recording.disturbed[:, joints]
     # Joints are weighed by what is left of them.
     weight = good / np.maximum(np.sqrt(np.mean(left**2, axis=0, where=good)), 1e-300)
     left = np.where(good, left, 0.0) * weight
-    power = (felt[..., 1:] ** 2).sum(axis=1)
+    pieces = recording.slices
+    within = [slice(piece.start + recording.edge, piece.stop - recording.edge) for piece in pieces]
+
+    def seen(ways: np.ndarray, where: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+        each = [np.einsum("nm,nmw,nmw->w", where[own], ways[own], ways[own]) for own in parts]
+        return np.array(each)
+
     # What faded where samples were lost no sample shows: it came out as any size. (A stranger's.)
-    seen = [(good[..., None] * x[..., 1:] ** 2).sum(axis=1) for x in (felt, smooth)]
-    for piece in recording.slices:
-        inside = slice(piece.start + recording.edge, piece.stop - recording.edge)
-        part = np.minimum(*(x[inside].sum(axis=0) for x in seen))
-        shown = 1 + np.flatnonzero(part > FADED**2 * power[piece].sum(axis=0))
-        if np.count_nonzero(good[inside]) > len(shown) > 0:
-            ways = (smooth[inside][..., shown] * weight[inside, :, None]).reshape(-1, len(shown))
-            size[piece, shown] = np.linalg.lstsq(ways, left[inside].reshape(-1), rcond=1e-6)[0]
+    begun = felt[..., 1:]
+    least = FADED**2 * seen(begun, np.ones(good.shape), pieces)
+    shown = seen(begun, good.astype(float), within) > least
+    if not np.any(shown):
+        return size
+    smooth = recording.filtered(begun)
+    shown &= seen(smooth, good.astype(float), within) > least
+    for piece, inside, own in zip(pieces, within, shown, strict=True):
+        if np.count_nonzero(good[inside]) > np.count_nonzero(own) > 0:
+            ways = (smooth[inside][..., own] * weight[inside, :, None]).reshape(-1, own.sum())
+            found = np.linalg.lstsq(ways, left[inside].reshape(-1), rcond=1e-6)[0]
+            size[piece, 1 + np.flatnonzero(own)] = found
     return size
 
 
