@@ -19,12 +19,15 @@ def rubbing(friction: float) -> str:
 
 
 def answer(
-    folder: Path, plant: Plant, truth: str, beyond: Beyond | None = None, *more: str
+    folder: Path,
+    plant: Plant,
+    truth: str,
+    beyond: Beyond | None = None,
+    *more: str,
+    rate: float = 100.0,
 ) -> dict[str, Any]:
     """Return the answer to a session of a plant with an impedance and `more` declared there."""
-    write_recordings(
-        folder, plant, 2, truth=truth, beyond=beyond, rate=200.0, seconds=8.0, trials=4
-    )
+    write_recordings(folder, plant, 2, truth=truth, beyond=beyond, rate=rate, seconds=8.0, trials=4)
     session = json.loads((folder / "session.json").read_text())
     names = ("viscoelastic_joint", *more)
     session["declared_effects"] = [{"effect": name, "joint": "elbow"} for name in names]

@@ -132,7 +132,7 @@ def write_recordings(
     beyond: Beyond | None = None,
     rate: float = 100.0,
     seconds: float = 8.0,
-    trials: int = 5,
+    trials: int = 3,
 ) -> None:
     """Simulate trials and a holdout, and write them as a session with the declared model.
 

@@ -117,7 +117,7 @@ def test_what_else_is_elastic_of_a_limb_lies_behind_its_cuff(
 ) -> None:
     """At the device's angle its law has another form, and hid a cuff: K was 5 % off, and sure."""
     truth = SOFT.replace("</tendon>", f"{tendon}</tendon>")
-    report = answer(tmp_path, replace(CUFFED, noise=0.015), truth)
+    report = answer(tmp_path, replace(CUFFED, noise=0.015), truth, rate=200.0)
     found = {effect["name"]: effect["parameters"] for effect in report["effects"]}
     assert found.keys() == {name, "series_elasticity"}
     assert found["series_elasticity"]["compliance"]["value"] == pytest.approx(1 / CUFF, rel=0.1)
@@ -145,7 +145,7 @@ def bristles(level: Callable[[float], float], way: float) -> Beyond:
 def test_friction_that_is_larger_when_slow_does_not_hide_a_cuff_s_spring(tmp_path: Path) -> None:
     """Most of what it leaves is where the device sticks: an opponent's K was a sixth too low."""
     rubs = bristles(lambda speed: 0.2 + 0.4 * np.exp(-((speed / 0.15) ** 2)), 0.002)
-    report = answer(tmp_path, replace(CUFFED, noise=0.01), SOFT, rubs)
+    report = answer(tmp_path, replace(CUFFED, noise=0.01), SOFT, rubs, rate=200.0)
     # So short a session does not tell that its friction is larger when slow.
     names = {effect["name"] for effect in report["effects"]}
     assert names == {"coulomb_friction", "series_elasticity"}

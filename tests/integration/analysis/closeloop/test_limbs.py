@@ -30,11 +30,11 @@ LIFTED = replace(
 
 
 def answered(
-    folder: Path, declared: str, real: str, beyond: Beyond | None = None
+    folder: Path, declared: str, real: str, beyond: Beyond | None = None, *, rate: float = 100.0
 ) -> dict[str, Any]:
     """Return the answer to a session of a limb whose joint is declared otherwise than it is."""
     plant = replace(LIMB, mjcf=LIMB.changed(ATTRIBUTES, declared))
-    return answer(folder, plant, LIMB.changed(ATTRIBUTES, f"{real} {LIMP}"), beyond)
+    return answer(folder, plant, LIMB.changed(ATTRIBUTES, f"{real} {LIMP}"), beyond, rate=rate)
 
 
 def lifted(folder: Path, declared: str, real: str, plant: Plant = LIFTED) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def lifted(folder: Path, declared: str, real: str, plant: Plant = LIFTED) -> dic
         plant: the limb, and how it is moved.
     """
     truth = plant.changed(declared, real).replace(ATTRIBUTES, f"{ATTRIBUTES} {LIMP}")
-    return answer(folder, plant, truth)
+    return answer(folder, plant, truth, rate=200.0)
 
 
 def test_a_limb_that_trembles_hangs_on_no_spring(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_resistance_that_slips_over_many_ways_is_hysteresis_though_no_law_of_one
         wound[:] = np.clip(wound + float(v[0]) * STEP / ways, -1.0, 1.0)
         return np.array([-0.25 * wound.sum()])
 
-    report = answered(tmp_path, ATTRIBUTES, ATTRIBUTES, slipping)
+    report = answered(tmp_path, ATTRIBUTES, ATTRIBUTES, slipping, rate=200.0)
     assert [effect["name"] for effect in report["effects"]] == ["hysteresis"]
     stiffness = report["impedance"]["elbow"]["stiffness"]
     assert stiffness["after"] == pytest.approx(STIFFNESS, rel=0.03)
@@ -347,7 +347,7 @@ def test_ends_of_range_on_both_sides_are_one_effect(
             steep[0] * np.maximum(0.0, q - above) ** power
         )
 
-    report = answered(tmp_path, ATTRIBUTES, ATTRIBUTES, ends)
+    report = answered(tmp_path, ATTRIBUTES, ATTRIBUTES, ends, rate=200.0)
     (found,) = report["effects"]
     assert found["name"] == "end_range_both"
     told = {name: parameter["value"] for name, parameter in found["parameters"].items()}

@@ -135,7 +135,7 @@ def test_a_differential_is_a_coupling_by_effort_both_ways_that_simulation_confir
     tmp_path: Path,
 ) -> None:
     """Each joint feels a share of the other's motor, which its own has to make up for."""
-    write_recordings(tmp_path, ARM, 1, seconds=12.0)
+    write_recordings(tmp_path, ARM, 1, seconds=12.0, trials=5)
     felt = np.array([[1.0, 0.3], [0.1, 1.0]])
     for file in tmp_path.glob("*.csv"):
         header, *_ = file.read_text().splitlines()
