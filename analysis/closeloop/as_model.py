@@ -20,7 +20,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import Device
-from models.mjcf.compiling import compiled
+from models.mjcf.compiling import compiled, written
 
 #: Natural frequency of the servos, rad/s, critically damped by the joint's inertia at the start.
 SERVO = 2 * np.pi * 30.0
@@ -87,7 +87,7 @@ def write_model(session: Path, report: Path, out: Path, name: str) -> list[str]:
         )
     _with_servos(spec, joints, path)
     out.mkdir(parents=True, exist_ok=True)
-    (out / "robot.xml").write_text(spec.to_xml(), encoding="utf-8")
+    (out / "robot.xml").write_text(written(spec), encoding="utf-8")
     header = ",".join(["time", *joints])
     np.savetxt(
         out / "path.csv", np.column_stack([time, path]), "%.9g", ",", header=header, comments=""

@@ -7,7 +7,7 @@ import mujoco
 
 from analysis.closeloop.contract import Verdict
 from analysis.closeloop.session.device import Device
-from models.mjcf.compiling import compiled
+from models.mjcf.compiling import compiled, written
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA, VISCOELASTIC
 from sim.effects.elements import set_inertia
 from sim.effects.laws.inertia import TurnedGravity
@@ -72,7 +72,7 @@ def repaired_model(device: Device, report: Mapping[str, Any]) -> tuple[str, list
         elements.append(element or "none: described in the report only")
         warnings += lacking
     compiled(spec)
-    return spec.to_xml(), elements, warnings
+    return written(spec), elements, warnings
 
 
 def _behind(effects: Sequence[Mapping[str, Any]], joint: str) -> float:
