@@ -9,6 +9,9 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.belief import Belief
 from intake.xml import listed
 
+#: Kinds of joints, in URDF or MJCF, that turn about or slide along no single axis.
+MANY_OR_NONE = ("fixed", "floating", "planar", "free", "ball")
+
 
 def joint_name(belief: Belief) -> str | None:
     """Return the joint's name as the channel's has it; None if that is a number or nothing."""
@@ -100,13 +103,11 @@ def joints_in(model: Path) -> list[str]:
         root = ElementTree.parse(model).getroot()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise SessionError(f"is no XML: {error}", file=model.name) from None
-    # A URDF names them again in its transmissions, and MJCF has constraints of that name.
-    return list(
-        dict.fromkeys(
-            joint.get("name", "")
-            for joint in root.iter("joint")
-            if joint.get("name")
-            and joint.get("type", "hinge") not in ("fixed", "free", "ball")
-            and joint.get("joint1") is None
-        )
-    )
+    # A URDF names them again in what it says to drivers and simulators, and MJCF in constraints.
+    parents = [root] if root.tag == "robot" else [*root.iter("worldbody"), *root.iter("body")]
+    return [
+        joint.get("name", "")
+        for parent in parents
+        for joint in parent.findall("joint")
+        if joint.get("name") and joint.get("type", "hinge") not in MANY_OR_NONE
+    ]

@@ -93,12 +93,21 @@ def test_a_model_names_the_joints_of_a_log_without_names_and_is_copied(tmp_path:
     assert "shoulder.position" in table(tmp_path / "s" / "log.csv")[0]
 
 
-def test_a_joint_that_a_transmission_names_again_is_one_joint(tmp_path: Path) -> None:
-    """A UR10e's URDF had twelve, so that its log's six had numbers for names."""
+def test_joints_of_a_urdf_are_not_those_of_its_transmissions_and_simulators(tmp_path: Path) -> None:
+    """A UR10e's had twelve, so that its log's six had numbers for names; a PR2's 13 too many."""
     joint = '<joint name="elbow" type="revolute"/>'
-    drive = '<transmission><joint name="elbow"/></transmission>'
-    (tmp_path / "arm.urdf").write_text(f"<robot>{joint}{drive}</robot>")
+    more = """<transmission><joint name="elbow"/></transmission>
+    <gazebo><joint name="screw" type="revolute"/></gazebo>"""
+    (tmp_path / "arm.urdf").write_text(f"<robot>{joint}{more}</robot>")
     assert joints_in(tmp_path / "arm.urdf") == ["elbow"]
+
+
+def test_joints_of_an_mjcf_model_are_those_of_its_bodies(tmp_path: Path) -> None:
+    elbow, ball = '<joint name="elbow"/>', '<joint name="wrist" type="ball"/>'
+    bodies = f"<body>{elbow}<body>{ball}</body></body>"
+    ties = '<equality><joint name="tie" joint1="elbow"/></equality>'
+    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{bodies}</worldbody>{ties}</mujoco>")
+    assert joints_in(tmp_path / "arm.xml") == ["elbow"]
 
 
 def test_joints_that_the_log_does_not_show_are_ignored_in_the_session(tmp_path: Path) -> None:
