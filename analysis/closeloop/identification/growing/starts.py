@@ -111,10 +111,11 @@ def damped_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> l
 
 
 def coupled_starts(grown: Grown, rows: Rows, before: Score) -> Iterator[Grown]:
-    """Yield a coupling alone where those at two joints explain much, each by itself.
+    """Yield a coupling alone where those at two joints explain much of each by itself.
 
     A muscle over both is a coupling at each, and either alone explains less than a wrong zero of
-    the upper joint, which moves the weight at both. (A stranger's.)
+    the upper joint, which moves the weight at both. (A stranger's; another's shoulder lacked but an
+    eighth of all that was missing.)
     """
     coupling = BY_NAME["cross_joint_coupling"]
     for first in grown.steps[:1]:
@@ -123,10 +124,17 @@ def coupled_starts(grown: Grown, rows: Rows, before: Score) -> Iterator[Grown]:
             for option in first.options
             if option.candidate.effect is coupling
             and not option.refused
-            and option.gain > LARGE_GAIN * before.loss
+            and _explains_much(option, before, rows)
         ]
         if first.taken.candidate.effect is not coupling and len(coupled) > 1:
             yield _begun(replace(first, taken=coupled[0]), rows, before)
+
+
+def _explains_much(option: Option, before: Score, rows: Rows) -> bool:
+    """Whether an effect takes much of what is left of its own joint."""
+    own = rows.joint_of_block == option.candidate.joint
+    left = float(before.losses[own].sum())
+    return left - float(option.score.losses[own].sum()) > LARGE_GAIN * left
 
 
 def richer_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> Iterator[Grown]:

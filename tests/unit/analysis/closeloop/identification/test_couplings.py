@@ -10,6 +10,8 @@ from analysis.closeloop.identification.balance.model import Model, evaluate, unf
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.candidates import options_beside
+from analysis.closeloop.identification.findings import Grown, Step
+from analysis.closeloop.identification.growing.starts import coupled_starts
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.coupling import ACCELERATION, EFFORT, MOTION
@@ -50,6 +52,26 @@ def test_a_coupling_by_effort_is_found_both_ways_and_is_no_gain() -> None:
         own = values(found["cross_joint_coupling", joint], robot)
         assert own["other_dof"] == other
         assert own["effort_share"] == pytest.approx(-share, rel=0.02)
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_a_muscle_over_two_joints_is_asked_for_however_little_one_of_them_lacks(both: bool) -> None:
+    """A wrong zero explained more, and its 62 degrees stood: two limbs of a stranger."""
+    still = moving()
+    needed = np.array(still.inverse)
+    needed[:, 1] += 2.0 * still.position[:, 0]
+    needed[:, 0] += 2.0 * both * still.position[:, 1]
+    robot = measured(still, needed)
+    rows = select_rows(robot, (0,)).reweighted({0: 0.02, 1: 0.002, 2: 0.002})
+    declared = Model(robot)
+    before = evaluate(declared, rows)
+    effects = (COUPLING, COUPLING, BY_NAME["position_offset"])
+    tried = [Candidate(effect=e, joint=j) for e, j in zip(effects, (0, 1, 0), strict=True)]
+    options = options_beside(declared, rows, before, tried)
+    zero = next(option for option in options if option.candidate == tried[-1])
+    step = Step(taken=zero, equals=(), options=tuple(options), before=before.loss)
+    starts = [*coupled_starts(Grown(zero.model, zero.score, (step,)), rows, before)]
+    assert [start.steps[0].key for start in starts] == [("cross_joint_coupling", 1)] * both
 
 
 def test_a_rotor_on_another_link_couples_both_joints_by_inertia_and_changes_no_link() -> None:
