@@ -15,7 +15,7 @@ from analysis.closeloop.identification.arms.explainable import explainable_by_jo
 from analysis.closeloop.identification.arms.gains import untold_gain
 from analysis.closeloop.identification.arms.holdouts import not_worse
 from analysis.closeloop.identification.arms.motors import untold_motors
-from analysis.closeloop.identification.arms.robot import traced_robot, weighed
+from analysis.closeloop.identification.arms.robot import traced_robot, weighed, with_ordinary_again
 from analysis.closeloop.identification.arms.tilted import with_tilt
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
@@ -165,6 +165,10 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
     grown, held = with_breakaway(grown, rows)
     grown, refusals = held_in_octaves(grown, rows, damped=True)
     grown, unsure = determined(in_plainest_form(grown, rows), rows)
+    if refusals or unsure:
+        # It may have stood for friction. (A Sawyer's wrong zero, and a joint without a name.)
+        grown, further = determined(with_ordinary_again(grown, rows), rows)
+        unsure += further
     grown = with_tilt(with_told_places(grown, rows), rows)
     grown, notes = not_worse(grown, declared, rows)
     progress("what splines can explain")

@@ -145,6 +145,21 @@ def _traced(
     return _grown(placed(with_plain_friction(model, rows), rows), rows, found)
 
 
+def with_ordinary_again(grown: Grown, rows: Rows) -> Grown:
+    """Ask every joint once more for what is ordinary, where something fell that stood for it.
+
+    Args:
+        grown: what is left.
+        rows: the samples that are fitted.
+    """
+    links = links_of(rows.recording)
+    model = pruned(with_ordinary(grown.model, rows), rows, links)
+    model = placed(without_presliding(model, rows), rows)
+    again = _grown(model, rows, {step.key: step for step in grown.steps})
+    gain, error = compare(grown.score.losses, again.score.losses)
+    return again if gain > error else grown
+
+
 def _with_shared(model: Model, rows: Rows, links: Links, *, links_free: bool) -> Model:
     """Add what joints share: wrong zeros, then a payload or other links, or both for the last."""
     model = with_share(with_zeros(model, rows, links), rows, links, links_free=links_free)

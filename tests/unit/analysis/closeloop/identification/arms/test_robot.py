@@ -12,9 +12,10 @@ from analysis.closeloop.identification.arms.ordinary import with_ordinary
 from analysis.closeloop.identification.arms.shared import with_links
 from analysis.closeloop.identification.arms.whole_fit import WholeFit
 from analysis.closeloop.identification.balance.declared import declared_model
-from analysis.closeloop.identification.balance.model import Model, unfitted
+from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.terms import Candidate, Term
+from analysis.closeloop.identification.findings import Grown
 from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
@@ -44,6 +45,18 @@ def test_damping_that_a_ripple_hides_is_found_beside_it(monkeypatch: pytest.Monk
         ("torque_ripple", ELBOW),
         ("viscous_friction", ELBOW),
     }
+
+
+@pytest.mark.parametrize("viscous", [0.3, 0.0])
+def test_friction_is_asked_for_again_where_something_fell_that_stood_for_it(viscous: float) -> None:
+    """With a Sawyer's wrong zero the viscous friction of a joint had gone, and 1.4 Nm were left."""
+    still = moving()
+    arm = measured(still, still.inverse + viscous * still.velocity * [0.0, 1.0, 0.0])
+    rows = robot.weighed(Model(arm), select_rows(arm, (0,)))
+    bare = Grown(Model(arm), evaluate(Model(arm), rows))
+    found = robot.with_ordinary_again(bare, rows)
+    assert [step.key for step in found.steps] == [("viscous_friction", 1)] * (viscous > 0.0)
+    assert (found is bare) == (viscous == 0.0)
 
 
 @pytest.mark.parametrize("seed", [29, 32, 37])
