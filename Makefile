@@ -10,6 +10,8 @@ PYTEST := $(BIN)/python -m pytest --maxprocesses 8 --dist loadfile --no-loadscop
 
 # What one of the hundreds of processes has compiled, the next one only reads.
 unexport PYTHONDONTWRITEBYTECODE
+# There are more processes than cores, and what a second thread waits in costs a seventh more time.
+export OPENBLAS_NUM_THREADS := 1
 
 BROWSER := chromium google-chrome chrome
 
@@ -81,11 +83,11 @@ curves: $(READY)  ## Draw what each factor does alone (docs/measurements/one_at_
 	$(BIN)/python -m benchmarks.simulation.one_at_a_time docs/measurements/one_at_a_time.png
 
 bench-analysis: $(READY)  ## Errors, coverage and speed of the indices beside SALib, SciPy and OpenTURNS
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.indices
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.hard
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.opponents
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.curves
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.sensitivity.rivals
+	$(BIN)/python -m benchmarks.sensitivity.indices
+	$(BIN)/python -m benchmarks.sensitivity.hard
+	$(BIN)/python -m benchmarks.sensitivity.opponents
+	$(BIN)/python -m benchmarks.sensitivity.curves
+	$(BIN)/python -m benchmarks.sensitivity.rivals
 
 bench-closeloop: $(READY)  ## Print how often closing the loop names the right effect
 	$(BIN)/python -m benchmarks.closeloop.synthetic $(ARGS)
