@@ -18,6 +18,9 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "effort": ("effort", "eff", "torque", "tau", "force", "trq", "moment", "drehmoment"),
     "current": ("current", "curr", "i", "amp", "amps", "strom"),
 }
+#: What is written in one with such a word of three letters or more: `jpos0`, `qvel`.
+OF_JOINTS = ("joint", "j", "q")
+LONG_WORDS = frozenset(word for words in WORDS.values() for word in words if len(word) > 2)
 #: Words of a name that say nothing of the joint.
 SPARE = ("deg", "rad", "s", "mm", "m", "nm", "n", "ma", "measured", "actual", "data")
 #: Words of what is no joint: a tool's force is no joint's effort.
@@ -56,9 +59,15 @@ class Belief:
 
 
 def _tokens(name: str) -> list[str]:
-    """Return the words of a name, also of one such as `TorqueCur1`, and its numbers."""
+    """Return the words of a name, also of one such as `TorqueCur1` or `jpos1`, and its numbers."""
     spaced = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", " ", name)
-    return re.findall(r"[^\W\d_]+|\d+", spaced.lower())
+    return [_of_joint(word) for word in re.findall(r"[^\W\d_]+|\d+", spaced.lower())]
+
+
+def _of_joint(word: str) -> str:
+    """Return a word without what says that it is a joint's, if a quantity is left."""
+    left = (word.removeprefix(prefix) for prefix in OF_JOINTS)
+    return next((rest for rest in left if rest in LONG_WORDS), word)
 
 
 def by_name(channel: Channel) -> Belief:

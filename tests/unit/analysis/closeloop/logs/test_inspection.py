@@ -138,6 +138,29 @@ def test_words_that_run_together_are_told_apart() -> None:
     assert found["PositionCmptd1"].wanted and not found["Position1"].wanted
 
 
+@pytest.mark.parametrize("before", ["j", "q", "joint"])
+def test_a_word_that_a_joint_s_letter_runs_together_with_is_read(before: str) -> None:
+    """A dog's log with `jpos0`, `jvel0`, ... at 200 Hz, without a clock, was all unknown."""
+    m = motion()
+    names = {"pos": m["position"], "vel": m["velocity"]}
+    found = believed(
+        **{f"{before}{name}{n}": v[:, n] for name, v in names.items() for n in (0, 1)},
+        **{f"{before}pos0_des": m["position"][:, 0] + 0.01},
+    )
+    assert [(b.quantity, b.joint, b.wanted) for b in found.values()] == [
+        *(("position", 0, False), ("position", 1, False)),
+        *(("velocity", 0, False), ("velocity", 1, False)),
+        ("position", 0, True),
+    ]
+    time = found[f"{before}vel1"].channel.time
+    assert time is not None and clock_of(time).rate == pytest.approx(200.0)
+
+
+@pytest.mark.parametrize("name", ["level", "compos", "xpos"])
+def test_a_word_that_only_ends_as_a_quantity_does_is_none(name: str) -> None:
+    assert believed(**{name: motion()["position"][:, 0]})[name].quantity == "unknown"
+
+
 def test_noise_is_nobodys_derivative() -> None:
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 5.0, 0.01)
