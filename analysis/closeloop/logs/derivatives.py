@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import pi
 
 import numpy as np
+from scipy.ndimage import convolve1d
 from scipy.signal import savgol_filter
 
 from analysis.closeloop.logs.belief import BY_NAME, CHAIN, Belief, is_nameless
@@ -31,6 +32,12 @@ USUAL = (1.0, 1.25, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)
 MOST = 500
 #: Fewest samples that are compared.
 FEWEST = 50
+#: Samples over which a slope is taken, a straight line's, and the weights with which it thereby
+#: averages the velocity: one smoothed otherwise is another share of it the faster the motion.
+SPAN = 9
+_STEPS = np.arange(SPAN) - SPAN // 2
+_OF_STEPS = np.append(np.cumsum(_STEPS[::-1])[::-1], 0.0) / np.sum(_STEPS**2)
+AVERAGE = (_OF_STEPS[:-1] + _OF_STEPS[1:]) / 2.0
 #: Least share of numbers among a channel's samples, to compare it with others.
 MOSTLY = 0.5
 
@@ -144,8 +151,8 @@ def _compared(time: Numbers, values: Sequence[Numbers]) -> tuple[Numbers, Number
         known = order[np.isfinite(signal[order]) & np.isfinite(time[order])]
         columns.append(np.interp(even, time[known], signal[known]))
     table = np.column_stack(columns)
-    smooth = savgol_filter(table, 9, 2, axis=0)
-    slopes = savgol_filter(table, 9, 2, deriv=1, delta=float(even[1] - even[0]), axis=0)
+    smooth = convolve1d(table, AVERAGE, axis=0, mode="nearest")
+    slopes = savgol_filter(table, SPAN, 1, deriv=1, delta=float(even[1] - even[0]), axis=0)
     smooth, slopes = smooth - smooth.mean(axis=0), slopes - slopes.mean(axis=0)
     both = slopes.T @ smooth
     norms = np.linalg.norm(slopes, axis=0)[:, None] * np.linalg.norm(smooth, axis=0)[None, :]
