@@ -30,10 +30,14 @@ WANTED = (
     *("ref", "reference", "des", "desired", "target", "setpoint", "goal"),
     *("cmd", "command", "commanded", "cmptd", "computed", "soll", "sollwert"),
 )
+#: Column of an array that a message has without names, below its topic: `robot.state.data[3]`.
+UNNAMED_ARRAY = re.compile(r"(?:^|.+[./])data[\[.]\d+\]?$")
 #: Derivatives of a position, in order.
 CHAIN = ("position", "velocity", "acceleration")
 #: Why a channel is of a quantity: its name has a word for it, or a unit of it.
 BY_NAME, BY_UNIT = "by its name", "by its unit"
+#: Why a channel is of none.
+OF_A_TOOL = "of a tool, not of a joint"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +150,7 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
     elif unit and not named and sure and UNITS[unit].tells:
         named, why = of_unit, BY_UNIT
     if {*words} & {*TOOLS} and "joint" not in words and channel.unit is None:
-        return "unknown", channel.unit or unit or "?", "", "of a tool, not of a joint"
+        return "unknown", channel.unit or unit or "?", "", OF_A_TOOL
     if not named:
         return "unknown", channel.unit or unit or "?", "", ""
     spare = {*WORDS[named], *WANTED, *SPARE}
@@ -157,6 +161,7 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
 
 
 def is_nameless(channel: Channel) -> bool:
-    """Whether a name says nothing: `column 3`, `x1`, `signals[2]`."""
-    words = [word for word in _tokens(channel.name) if not word.isdigit()]
+    """Whether a name says nothing: `column 3`, `x1`, `signals[2]`; a topic names no columns."""
+    name = UNNAMED_ARRAY.sub("data", channel.name)
+    words = [word for word in _tokens(name) if not word.isdigit()]
     return all(len(word) <= 2 or word in ("column", "signal", "signals", "data") for word in words)

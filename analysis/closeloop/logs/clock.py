@@ -14,6 +14,10 @@ from analysis.closeloop.logs.units import UNITS
 
 #: What a clock's median step, s, may be for a recording of joints.
 STEPS = (1e-5, 0.2)
+#: Share of a clock's steps that increase without a gap, and of its samples that have a stamp.
+MOSTLY = 0.98
+#: Part of another clock's jitter that a more even one has at most.
+EVENER = 0.75
 #: A step back by more median steps is a restart; a smaller one, or none, a stamp that repeats.
 RESTART = 10
 #: The column of a stamp's whole seconds, and what that of the rest is called, in s.
@@ -77,43 +81,82 @@ def _begins_anew(steps: Numbers) -> NDArray[np.bool_]:
 
 
 def find_clock(beliefs: list[Belief], group: list[int]) -> None:
-    """Find the clock of channels of one length, unless they came with one."""
-    if beliefs[group[0]].channel.time is not None or _in_two_columns(beliefs, group):
+    """Find the clock of channels of one length; one that they came with may be of the recording.
+
+    Of two that tell the same time the more even one is that by which samples were taken: a recorder
+    stamps a message when it gets to it.
+    """
+    time = beliefs[group[0]].channel.time
+    if time is None and _in_two_columns(beliefs, group):
         return
     likely = sorted(
         group, key=lambda at: (beliefs[at].quantity != "time", beliefs[at].unit not in CLOCKS)
     )
+    chosen = None
     for at in likely:
-        belief = beliefs[at]
-        unnamed = belief.quantity == "unknown"
-        if belief.quantity != "time" and not unnamed:
+        belief, values = beliefs[at], beliefs[at].channel.values
+        unit, step = _ticks(belief)
+        if unit is None or (belief.quantity != "time" and chosen is not None):
             continue
-        # From trial to trial is no step.
-        ends = [begin - 1 for _, begin in belief.channel.trials if begin]
-        steps = np.delete(np.diff(belief.channel.values), ends)
-        median = float(np.median(steps))
-        # What goes one way and stays for a while has no name of a clock, nor is it one.
-        forward = steps > 0 if unnamed else steps >= 0
-        regular = median > 0 and np.mean(forward & (steps < 5 * median)) > 0.98
-        units = [u for u, scale in CLOCKS.items() if STEPS[0] <= median * scale <= STEPS[1]]
-        if not regular or not units:
-            continue
-        if unnamed and np.all(steps == 1.0):
+        own: Numbers | None = CLOCKS[unit] * values
+        if time is not None:
+            own = _more_even(own, time) if _stamps_positions(beliefs, group, at) else None
+        elif belief.quantity != "time" and np.all(np.diff(values) == 1.0):
             beliefs[at] = replace(belief, why="counts the samples, or milliseconds: say which")
             continue
-        unit = belief.unit if belief.unit in units else units[0]
-        beliefs[at] = replace(
-            belief,
-            quantity="time",
-            unit=unit,
-            scale=CLOCKS[unit],
-            why=f"increases by {median:.4g} {unit} a sample",
-        )
-        _set_time(beliefs, group, CLOCKS[unit] * belief.channel.values)
-        for other in group:
-            if other != at and beliefs[other].quantity == "time":
-                beliefs[other] = replace(beliefs[other], quantity="unknown", why="a second clock")
+        elif np.mean(np.isfinite(values)) <= MOSTLY:
+            continue
+        if own is not None:
+            chosen, time = at, own
+            why = f"increases by {step:.4g} {unit} a sample"
+            beliefs[at] = replace(belief, quantity="time", unit=unit, scale=CLOCKS[unit], why=why)
+    if chosen is None or time is None:
         return
+    _set_time(beliefs, group, time)
+    for other in group:
+        if other != chosen and beliefs[other].quantity == "time":
+            beliefs[other] = replace(beliefs[other], quantity="unknown", why="a second clock")
+
+
+def _ticks(belief: Belief) -> tuple[str | None, float]:
+    """Return the unit in which a channel may be a clock, None if it is none, and its step in it."""
+    unnamed = belief.quantity == "unknown"
+    if belief.quantity != "time" and not unnamed:
+        return None, 0.0
+    # From trial to trial is no step.
+    values = belief.channel.values
+    ends = [begin - 1 for _, begin in belief.channel.trials if begin]
+    steps = np.delete(np.diff(values), ends) if ends else np.diff(values[np.isfinite(values)])
+    median = float(np.median(steps)) if len(steps) else np.nan
+    # What goes one way and stays for a while has no name of a clock, nor is it one.
+    forward = steps > 0 if unnamed else steps >= 0
+    regular = median > 0 and np.mean(forward & (steps < 5 * median)) > MOSTLY
+    units = [u for u, scale in CLOCKS.items() if STEPS[0] <= median * scale <= STEPS[1]]
+    if not regular or not units:
+        return None, median
+    return belief.unit if belief.unit in units else units[0], median
+
+
+def _stamps_positions(beliefs: Sequence[Belief], group: Sequence[int], at: int) -> bool:
+    """Whether a channel has a number wherever a position of its group has one, or any other."""
+    there = [beliefs[n] for n in group if beliefs[n].quantity == "position"]
+    own = np.isfinite(beliefs[at].channel.values)
+    others = [np.isfinite(b.channel.values) for b in there or [beliefs[n] for n in group]]
+    return not any((other & ~own).any() for other in others)
+
+
+def _more_even(own: Numbers, time: Numbers) -> Numbers | None:
+    """Return a clock on the epoch of another, s, (n,), if it tells the same time more evenly."""
+    both = np.isfinite(own) & np.isfinite(time)
+    if both.sum() < 3:
+        return None
+    even, uneven = clock_of(own[both]), clock_of(time[both])
+    late = time[both] - own[both]
+    begin, near = float(np.median(late)), 5.0 / even.rate
+    same = np.mean(np.abs(late - begin) <= near) > MOSTLY
+    if not same or even.gaps > uneven.gaps or even.jitter > EVENER * uneven.jitter:
+        return None
+    return own if abs(begin) <= near else own + begin
 
 
 def _in_two_columns(beliefs: list[Belief], group: list[int]) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import convolve1d
 from scipy.signal import savgol_filter
 
-from analysis.closeloop.logs.belief import BY_NAME, CHAIN, Belief, is_nameless
+from analysis.closeloop.logs.belief import BY_NAME, CHAIN, OF_A_TOOL, Belief, is_nameless
 from analysis.closeloop.logs.clock import set_rate, stretches
 from analysis.closeloop.logs.log import Channel, Numbers
 
@@ -127,6 +127,7 @@ def _moving(beliefs: list[Belief], group: list[int], part: slice) -> list[int]:
             or (
                 beliefs[at].quantity == "unknown"
                 and beliefs[at].unit == "?"
+                and beliefs[at].why != OF_A_TOOL
                 and is_nameless(beliefs[at].channel)
             )
         )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.clock import clock_of
 from analysis.closeloop.logs.inspection import believe
 from analysis.closeloop.logs.log import Channel, Log
@@ -21,3 +22,71 @@ def test_a_fast_motion_tells_the_rate_as_well_as_a_slow_one() -> None:
     for belief in believe(Log(kind="CSV", channels=channels)):
         found = belief.channel.time
         assert found is not None and clock_of(found).rate == pytest.approx(200.0, rel=1e-3)
+
+
+def swing() -> dict[str, np.ndarray]:
+    """Return time, and positions and velocities, (n, 2), of a smooth motion at 100 Hz, SI units."""
+    time = np.arange(0.0, 8.0, 0.01)
+    speeds = np.array([2.0, 3.1])
+    phase = np.outer(time, speeds)
+    return {"time": time, "position": np.sin(phase), "velocity": speeds * np.cos(phase)}
+
+
+def recorded(prefix: str, time: np.ndarray) -> list[Belief]:
+    """Believe a topic's array of positions, velocities, efforts and a clock, of two joints."""
+    m = swing()
+    table = np.column_stack([m["position"], m["velocity"], 3 * m["position"], m["time"]])
+    channels = [
+        Channel(name=f"{prefix}[{n}]", values=values, time=time) for n, values in enumerate(table.T)
+    ]
+    return believe(Log(kind="ROS bag", channels=channels))
+
+
+def test_columns_of_an_array_without_names_are_told_by_physics_below_any_topic() -> None:
+    """An arm's `robot.information.data[0..21]` was all unknown: its topic has a name."""
+    found = recorded("robot.information.data", swing()["time"])
+    assert [(b.quantity, b.joint) for b in found[:6]] == [
+        *(("position", 0), ("position", 1), ("velocity", 0), ("velocity", 1)),
+        *(("effort", 0), ("effort", 1)),
+    ]
+    assert {b.quantity for b in recorded("gripper.tool.data", swing()["time"])[:6]} == {"unknown"}
+
+
+def test_a_clock_within_a_message_goes_before_the_less_even_one_of_its_recording() -> None:
+    """An arm's messages came late by 0 to 40 ms; they held the time at which each was measured."""
+    time = swing()["time"]
+    late = 1.7e9 + time + np.random.default_rng(0).uniform(0.0, 0.004, len(time))
+    found = recorded("state.data", late)
+    own = found[0].channel.time
+    assert found[6].quantity == "time"
+    assert own is not None and clock_of(own).jitter < 1e-3
+    assert abs(np.median(own - late)) < 1e-6
+
+
+def test_a_clock_that_tells_another_time_than_the_recording_is_none_of_its() -> None:
+    time = swing()["time"]
+    late = np.random.default_rng(0).uniform(0.0, 0.004, len(time))
+    found = recorded("state.data", 3.0 * time + late)
+    assert found[6].quantity == "unknown"
+
+
+def test_the_stamp_of_the_positions_goes_before_the_clock_that_topics_share() -> None:
+    """A plotter's table of two topics was said to have 2000 Hz and 93 gaps; its stamps are even.
+
+    Each line is of one topic, and has the time at which it came.
+    """
+    rng = np.random.default_rng(0)
+    m = swing()
+    came = m["time"] + rng.uniform(0.0, 0.004, len(m["time"]))
+    other = came[1::3] + 0.002
+    order = np.argsort(np.concatenate([came, other]))
+    signals = {"stamp": m["time"], "q": m["position"][:, 0], "dq": m["velocity"][:, 0]}
+    lines = {name: np.append(v, np.full(len(other), np.nan)) for name, v in signals.items()}
+    lines = {"__time": np.concatenate([came, other]), **lines}
+    found = believe(
+        Log(kind="CSV", channels=[Channel(name=n, values=v[order]) for n, v in lines.items()])
+    )
+    assert [b.quantity for b in found] == ["unknown", "time", "position", "velocity"]
+    own = found[2].channel.time
+    assert own is not None and clock_of(own).jitter < 1e-3
+    assert found[2].unit == "rad?" and found[3].source == 2
