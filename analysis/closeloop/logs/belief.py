@@ -32,6 +32,10 @@ WANTED = (
 )
 #: Column of an array that a message has without names, below its topic: `robot.state.data[3]`.
 UNNAMED_ARRAY = re.compile(r"(?:^|.+[./])data[\[.]\d+\]?$")
+#: What a joint state's topic puts before its joints where a plotter writes it as a table.
+JOINT_STATES = re.compile(r"^.*\bjoint_?states?[/.]", re.IGNORECASE)
+#: Quantities of a joint state with their units (REP 103), those of a hinge; a slide's are m and N.
+STATE_UNITS = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
 #: Derivatives of a position, in order.
 CHAIN = ("position", "velocity", "acceleration")
 #: Why a channel is of a quantity: its name has a word for it, or a unit of it.
@@ -135,7 +139,8 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
     Where a unit in the name and a word in it are of two quantities, the unit is right: `u [V]`. But
     a single letter at the end is then no unit, but the name of a joint or a part: `q_A`.
     """
-    rest, unit, sure = split_unit(channel.name)
+    name = JOINT_STATES.sub("", channel.name)
+    rest, unit, sure = split_unit(name)
     words = _tokens(rest)
     named = next((q for q, names in WORDS.items() if any(w in names for w in words)), None)
     of_unit = UNITS[unit].quantity if unit else ""
@@ -146,7 +151,7 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
         if sure:
             named, why = (of_unit if of_unit != "time" else ""), BY_UNIT
         else:
-            rest, unit = channel.name, None
+            rest, unit = name, None
     elif unit and not named and sure and UNITS[unit].tells:
         named, why = of_unit, BY_UNIT
     if {*words} & {*TOOLS} and "joint" not in words and channel.unit is None:
@@ -157,6 +162,8 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
     stem = "_".join(word for word in _tokens(rest) if word not in spare)
     # What a torque was made of is no part of its joint's name.
     stem = stem.partition("_from_")[0]
+    if not unit and name != channel.name:
+        unit = STATE_UNITS.get(named)
     return named, channel.unit or unit or "?", stem, why
 
 

@@ -98,13 +98,14 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
         unit, step = _ticks(belief)
         if unit is None or (belief.quantity != "time" and chosen is not None):
             continue
+        stamped = _stamps_positions(beliefs, group, at)
         own: Numbers | None = CLOCKS[unit] * values
         if time is not None:
-            own = _more_even(own, time) if _stamps_positions(beliefs, group, at) else None
+            own = _more_even(CLOCKS[unit] * values, time) if stamped else None
         elif belief.quantity != "time" and np.all(np.diff(values) == 1.0):
             beliefs[at] = replace(belief, why="counts the samples, or milliseconds: say which")
             continue
-        elif np.mean(np.isfinite(values)) <= MOSTLY:
+        elif not stamped and np.mean(np.isfinite(values)) <= MOSTLY:
             continue
         if own is not None:
             chosen, time = at, own

@@ -117,7 +117,10 @@ def _longest(time: Numbers, channel: Channel) -> slice:
 
 def _moving(beliefs: list[Belief], group: list[int], part: slice) -> list[int]:
     """Return the channels that may be positions or their derivatives, and have such samples."""
-    if part.stop - part.start < FEWEST:
+    # Lines of a topic that has no position have no stamp of it either.
+    time = beliefs[group[0]].channel.time
+    timed = np.isfinite(time[part]) if time is not None else np.ones(part.stop - part.start, bool)
+    if timed.sum() < FEWEST:
         return []
     return [
         at
@@ -131,7 +134,7 @@ def _moving(beliefs: list[Belief], group: list[int], part: slice) -> list[int]:
                 and is_nameless(beliefs[at].channel)
             )
         )
-        and np.mean(np.isfinite(beliefs[at].channel.values[part])) > MOSTLY
+        and np.mean(np.isfinite(beliefs[at].channel.values[part][timed])) > MOSTLY
     ]
 
 

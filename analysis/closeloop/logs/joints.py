@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.logs.belief import Belief
+from analysis.closeloop.logs.belief import JOINT_STATES, Belief
 from intake.xml import listed
 
 #: Kinds of joints, in URDF or MJCF, that turn about or slide along no single axis.
@@ -15,7 +15,10 @@ MANY_OR_NONE = ("fixed", "floating", "planar", "free", "ball")
 
 def joint_name(belief: Belief) -> str | None:
     """Return the joint's name as the channel's has it; None if that is a number or nothing."""
-    joint, dot, quantity = belief.channel.name.rpartition(".")
+    name = belief.channel.name
+    if (below := JOINT_STATES.sub("", name)) != name:
+        name = below.replace("/", ".")
+    joint, dot, quantity = name.rpartition(".")
     if dot and quantity == belief.quantity and joint:
         return joint
     return belief.stem if belief.stem and not belief.stem.isdigit() else None

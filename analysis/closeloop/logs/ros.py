@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.logs.belief import WANTED
+from analysis.closeloop.logs.belief import STATE_UNITS, WANTED
 from analysis.closeloop.logs.log import Channel, Log
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
-#: Quantities of a joint state with their units (REP 103), those of a hinge; a slide's are m and N.
-QUANTITIES = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
 #: Numbers of one message of another kind that become channels: more is a picture or a map.
 MAX_NUMBERS = 40
 
@@ -68,7 +66,7 @@ def read(path: Path) -> Log:
     for (topic, name), samples in found.items():
         if topic in (best, "") and len(samples) >= 2:
             table = np.array(samples)
-            unit = QUANTITIES.get(name.rpartition(".")[2])
+            unit = STATE_UNITS.get(name.rpartition(".")[2])
             log.channels.append(Channel(name=name, time=table[:, 0], values=table[:, 1], unit=unit))
     log.remarks += [
         f"{topic} ({kind}) has messages of more than {MAX_NUMBERS} numbers, which were left out"
@@ -105,7 +103,7 @@ def _numbers(message: Any, kind: str, topic: str) -> list[tuple[str, float]]:
     if kind == JOINT_STATE:
         return [
             (f"{joint}.{quantity}", float(values[at]))
-            for quantity in QUANTITIES
+            for quantity in STATE_UNITS
             if len(values := getattr(message, quantity)) == len(message.name)
             for at, joint in enumerate(message.name)
         ]

@@ -78,7 +78,7 @@ def test_the_stamp_of_the_positions_goes_before_the_clock_that_topics_share() ->
     rng = np.random.default_rng(0)
     m = swing()
     came = m["time"] + rng.uniform(0.0, 0.004, len(m["time"]))
-    other = came[1::3] + 0.002
+    other = np.concatenate([came[1:] - 0.001, came[1:] - 0.002])
     order = np.argsort(np.concatenate([came, other]))
     signals = {"stamp": m["time"], "q": m["position"][:, 0], "dq": m["velocity"][:, 0]}
     lines = {name: np.append(v, np.full(len(other), np.nan)) for name, v in signals.items()}

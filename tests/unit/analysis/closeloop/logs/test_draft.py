@@ -179,15 +179,15 @@ def test_stamps_since_1970_keep_their_digits(tmp_path: Path) -> None:
 
 
 def test_a_name_that_ends_as_one_joint_of_the_model_does_means_that(tmp_path: Path) -> None:
-    """A plotter writes /joint_states/j1/position."""
-    named = {"/joint_states/j1/position": np.sin(TIME), "/joint_states/j12/position": np.cos(TIME)}
+    """A plotter writes /joints/j1/position."""
+    named = {"/joints/j1/position": np.sin(TIME), "/joints/j12/position": np.cos(TIME)}
     log = [Channel(name=n, values=v) for n, v in {"t": TIME, **named}.items()]
     found = believe(Log(kind="CSV", channels=log))
     assert joint_names(found, ["j1", "j12"]) == ["j1", "j12"]
     # Without a model, or where none is meant, they keep their own.
     assert joint_names(found) == joint_names(found, ["elbow"]) != ["j1", "j12"]
     (said,) = of_other_joints(joint_names(found, ["elbow"]), ["elbow"])
-    assert said.startswith("the model has no joint joint_states_j_1, ") and "but elbow" in said
+    assert said.startswith("the model has no joint joints_j_1, ") and "but elbow" in said
     assert of_other_joints(["j1"], ["j1", "j2"]) == []
 
 

@@ -128,6 +128,16 @@ def test_topics_of_a_plotter_and_of_rostopic(tmp_path: Path) -> None:
     }
 
 
+def test_a_joint_state_that_a_plotter_wrote_has_the_units_and_joints_of_its_topic(
+    tmp_path: Path,
+) -> None:
+    """A pendulum's angle of 326 rad, about which it turned 52 times, was taken for degrees."""
+    head = "__time,/joint_states/joint0/position,/joint_states/joint0/effort"
+    found = timed(written(tmp_path / "log.csv", head, "{t:.3f},{deg},{u}"))
+    assert [b.unit for b in found] == ["s", "rad", "Nm"]
+    assert joint_names(found) == ["joint0"]
+
+
 def test_a_dynamometer(tmp_path: Path) -> None:
     head = "Dynamometer 4\nName: P01\n\nmSec   TORQUE   POSITION   POS (ANAT)   VELOCITY"
     log = written(tmp_path / "log.txt", head, "{ms:.0f}   {u:.3f}   {deg:.3f}   {q:.3f}   {v:.3f}")
