@@ -4,6 +4,7 @@ Geometry is left out: inverse dynamics needs inertias only, and a session's fold
 """
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -73,18 +74,7 @@ def load_device(session: Session) -> Device:
         raise SessionError("may have hinge and slide joints only", file=session.model)
     if not device.joints or not all(device.joints):
         raise SessionError("must have joints, each with a name", file=session.model)
-    for name in session.ignored_joints:
-        _known(name, device.joints, "ignored_joints")
-    # By default limbs are where effects are declared: whoever wrote a name is told of it there.
-    for number, declared in enumerate(session.declared):
-        _known(declared.joint, device.recorded_joints, f"declared_effects[{number}].joint")
-    for name in session.limb_joints:
-        _known(name, device.joints, "limb_joints")
-    for number, trial in enumerate(session.trials):
-        if trial.added_mass is not None:
-            _known(trial.added_mass.body, device.bodies, f"trials[{number}].added_mass.body")
-        if trial.payload is not None:
-            _known(trial.payload.body, device.bodies, f"trials[{number}].payload.body")
+    _check_names(session, device)
     if not device.recorded_joints:
         raise SessionError("ignored_joints leaves no joint to analyse", file=SESSION_FILE)
     return device
@@ -122,12 +112,40 @@ def _check_losses(model: mujoco.MjModel, name: str) -> None:
             raise SessionError(why, file=name)
 
 
-def _known(name: str, names: tuple[str, ...], where: str) -> None:
-    if name not in names:
-        raise SessionError(
-            f"{where} {name[:60]!r} is unknown; the model has {listed(names)}",
-            file=SESSION_FILE,
-        )
+def _check_names(session: Session, device: Device) -> None:
+    """Refuse names that the model does not have, all at once.
+
+    Raises:
+        SessionError: says where each stands.
+    """
+    of_effects = [entry.joint for entry in session.declared]
+    # By default limbs are where effects are declared: whoever wrote a name is told of it there.
+    limbs = [name for name in session.limb_joints if name not in of_effects]
+    said = [
+        *_unknown("ignored_joints", session.ignored_joints, device.joints),
+        *(
+            fault
+            for number, name in enumerate(of_effects)
+            for fault in _unknown(
+                f"declared_effects[{number}].joint", [name], device.recorded_joints
+            )
+        ),
+        *_unknown("limb_joints", limbs, device.joints),
+    ]
+    for number, trial in enumerate(session.trials):
+        for where, load in (("added_mass", trial.added_mass), ("payload", trial.payload)):
+            if load is not None:
+                said += _unknown(f"trials[{number}].{where}.body", [load.body], device.bodies)
+    if said:
+        raise SessionError("; ".join(said), file=SESSION_FILE)
+
+
+def _unknown(where: str, given: Sequence[str], names: tuple[str, ...]) -> list[str]:
+    """Say which names that stand somewhere a model does not have."""
+    wrong = [repr(name[:60]) for name in given if name not in names]
+    verb = "is" if len(wrong) == 1 else "are"
+    said = f"{where} {', '.join(wrong)} {verb} unknown; the model has {listed(names)}"
+    return [said] if wrong else []
 
 
 def _read_model(path: Path, name: str) -> tuple[mujoco.MjSpec, tuple[str, ...]]:

@@ -114,6 +114,24 @@ def test_files_saved_with_a_byte_order_mark_are_read(folder: Path) -> None:
     load_session(folder)
 
 
+def test_every_name_that_the_model_does_not_have_is_told_at_once(folder: Path) -> None:
+    """A robot of 13 joints that a simulator alone has took 13 runs to mend."""
+    hanging = {"body": "fore", "mass_kg": 0.5}
+    words(
+        ignored_joints=["a", "shoulder", "b"],
+        declared_effects=[{"effect": "viscoelastic_joint", "joint": "c"}],
+        trials=[{"file": "a.csv", "added_mass": hanging}],
+    )(folder)
+    with pytest.raises(SessionError) as caught:
+        load_session(folder)
+    has = "the model has shoulder, elbow"
+    assert str(caught.value).startswith(
+        f"session.json: ignored_joints 'a', 'b' are unknown; {has}; "
+        "declared_effects[0].joint 'c' is unknown; the model has elbow; "
+        "trials[0].added_mass.body 'fore' is unknown; the model has "
+    )
+
+
 def test_three_hinges_that_lock_as_a_gimbal_in_their_first_position_are_no_fault(
     folder: Path,
 ) -> None:
