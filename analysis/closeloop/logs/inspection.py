@@ -21,12 +21,14 @@ from analysis.closeloop.logs.belief import (
     without_words_of_quantities,
 )
 from analysis.closeloop.logs.clock import find_clock, set_rate
-from analysis.closeloop.logs.derivatives import find_derivatives, find_rate
+from analysis.closeloop.logs.derivatives import FEWEST, find_derivatives, find_rate
 from analysis.closeloop.logs.log import Log, Numbers
 from analysis.closeloop.logs.units import UNITS
 
 #: More than that of an angle in rad is two turns either way; a joint seldom does it.
 TURNS = 4 * pi
+#: Arrays with fewer numbers than this share of the longest, and than are compared, are no signals.
+SHORT = 0.1
 #: Share of a position's samples that are compared with it.
 MOSTLY = 0.99
 
@@ -46,7 +48,11 @@ def believe(log: Log, rate_hz: float | None = None) -> list[Belief]:
         time = belief.channel.time
         key = len(belief.channel.values) if time is None else time.tobytes()
         groups.setdefault(key, []).append(at)
+    most = max((len(belief.channel.values) for belief in beliefs), default=0)
     for group in groups.values():
+        if len(beliefs[group[0]].channel.values) < min(FEWEST, SHORT * most):
+            _set_apart(beliefs, group)
+            continue
         find_clock(beliefs, group)
         if rate_hz is None:
             find_rate(beliefs, group)
@@ -58,6 +64,14 @@ def believe(log: Log, rate_hz: float | None = None) -> list[Belief]:
     _find_units(beliefs)
     _number_joints(beliefs)
     return beliefs
+
+
+def _set_apart(beliefs: list[Belief], group: list[int]) -> None:
+    """Take arrays for no signal that are too short to be one of the log: a model's parameters."""
+    for at in group:
+        channel = beliefs[at].channel
+        why = f"holds {len(channel.values)} numbers, too few for a signal of this log"
+        beliefs[at] = Belief(channel=channel, quantity="unknown", why=why)
 
 
 def of_rates(log: Log, beliefs: Sequence[Belief]) -> list[str]:

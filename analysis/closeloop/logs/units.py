@@ -84,6 +84,7 @@ _BY_PLAIN = {name.lower(): name for name in UNITS}
 _LONGEST = 16
 #: A unit in brackets, and whatever could be one at the end.
 _BRACKETS = re.compile(rf"[\[({{]([^\[\](){{}}]{{1,{_LONGEST}}})[\])}}]")
+_COLUMN = re.compile(r"/?\[\d+\]$")
 _ENDS = re.compile(r"(?<=[\s_/,])(?=(.+)$)")
 
 
@@ -106,14 +107,18 @@ def unit_of(text: str) -> str | None:
 def split_unit(name: str) -> tuple[str, str | None, bool]:
     """Return a channel's name without its unit, the unit, and whether it can be nothing else.
 
-    The unit stands in brackets, or at the end after a mark. There a single letter may be the name
-    of a joint or a part.
+    The unit stands in brackets, or at the end after a mark, before the number of an array's column.
+    There a single letter may be the name of a joint or a part.
     """
     for found in reversed([*_BRACKETS.finditer(name)]):
         if unit := unit_of(found[1]):
             return f"{name[: found.start()]} {name[found.end() :]}", unit, True
+    number = _COLUMN.search(name)
+    column = number[0] if number else ""
+    name = name.removesuffix(column)
     # The first that fits is the longest: rad/s before s.
     for found in _ENDS.finditer(name, max(0, len(name) - _LONGEST)):
         if unit := unit_of(found[1]):
-            return name[: found.start()], unit, len(found[1]) > 1 or not found[1].isascii()
-    return name, None, False
+            sure = len(found[1]) > 1 or not found[1].isascii()
+            return f"{name[: found.start()]}{column}", unit, sure
+    return f"{name}{column}", None, False

@@ -90,3 +90,14 @@ def test_the_stamp_of_the_positions_goes_before_the_clock_that_topics_share() ->
     own = found[2].channel.time
     assert own is not None and clock_of(own).jitter < 1e-3
     assert found[2].unit == "rad?" and found[3].source == 2
+
+
+def test_arrays_much_shorter_than_a_log_are_no_signals_of_it() -> None:
+    """Gains and backlashes of six axes, `K_pos` and `q_back`, were positions of joints."""
+    signals = {"time": swing()["time"], "q": swing()["position"][:, 0]}
+    signals |= {"K_pos": np.arange(6.0), "q_back": np.full(6, 3e-5)}
+    found = believe(
+        Log(kind="MATLAB", channels=[Channel(name=n, values=v) for n, v in signals.items()])
+    )
+    assert [b.quantity for b in found] == ["time", "position", "unknown", "unknown"]
+    assert found[3].why == "holds 6 numbers, too few for a signal of this log"

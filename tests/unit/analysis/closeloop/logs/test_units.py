@@ -58,3 +58,10 @@ def test_what_is_no_unit_is_none(name: str) -> None:
 
 def test_a_name_of_any_length_is_read_at_once() -> None:
     assert split_unit("_ [" * 100_000)[1] is None
+
+
+def test_a_unit_before_the_number_of_an_array_s_column_is_read() -> None:
+    """Torques of a KUKA's `act_torque_abs_nm[0]` had no unit."""
+    assert split_unit("rec.act_torque_nm[0]") == ("rec.act_torque_[0]", "Nm", True)
+    assert split_unit("act_torque_nm/[11]") == ("act_torque_/[11]", "Nm", True)
+    assert split_unit("signals[2]") == ("signals[2]", None, False)
