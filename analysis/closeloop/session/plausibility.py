@@ -147,6 +147,10 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
         mostly = np.mean(at) >= 1.0 - ODD_SHARE and np.ptp(position[at]) > MOVING
         if mostly or np.ptp(effort) <= 1e-12 * (1.0 + np.abs(effort).max()):
             why = f"is constant at {value:g} while {joint} moves; record the motor's torque"
+            if not effort.any():
+                why += (
+                    ", or leave the column out if it has no motor: its motion is read all the same"
+                )
             raise SessionError(why, file=trial.file, column=column, line=int(np.argmax(at)) + 2)
     return trial if moving else replace(trial, repairs=(*trial.repairs, STILL))
 

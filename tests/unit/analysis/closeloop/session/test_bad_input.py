@@ -11,7 +11,7 @@ from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import close_loop
 from analysis.closeloop.session.reading import said_of_unread
 from rehyb.cli import app
-from tests.testbed.sessions.bad import BAD, model, words
+from tests.testbed.sessions.bad import BAD, constant, csv_text, model, words
 from tests.testbed.sessions.small import HEADER, Folder, rows
 
 
@@ -130,6 +130,22 @@ def test_every_name_that_the_model_does_not_have_is_told_at_once(folder: Path) -
         "declared_effects[0].joint 'c' is unknown; the model has elbow; "
         "trials[0].added_mass.body 'fore' is unknown; the model has "
     )
+
+
+def test_an_effort_of_zero_is_refused_with_what_to_do_for_a_joint_without_a_motor(
+    folder: Path,
+) -> None:
+    """A pendulum's pivot was to have its motor's torque recorded."""
+    zeros, ones = (
+        csv_text(lambda text, value=value: constant(text, 4, value, first=value))
+        for value in ("0", "1")
+    )
+    zeros(folder)
+    with pytest.raises(SessionError, match=r"at 0 while elbow moves; .* if it has no motor: its"):
+        load_session(folder)
+    ones(folder)
+    with pytest.raises(SessionError, match=r"at 1 while elbow moves; record the motor's torque$"):
+        load_session(folder)
 
 
 def test_three_hinges_that_lock_as_a_gimbal_in_their_first_position_are_no_fault(
