@@ -11,7 +11,10 @@ from analysis.closeloop.logs.units import UNITS, split_unit
 
 #: Words that name a quantity.
 WORDS: Mapping[str, tuple[str, ...]] = {
-    "time": ("time", "timestamp", "stamp", "t", "sec", "secs", "msec", "clock", "zeit"),
+    "time": (
+        *("time", "timestamp", "stamp", "t", "sec", "secs", "msec", "clock", "zeit"),
+        *("seconds", "milliseconds"),
+    ),
     "position": ("position", "pos", "q", "angle", "theta", "winkel"),
     "velocity": ("velocity", "vel", "qd", "dq", "v", "qdot", "speed", "omega"),
     "acceleration": ("acceleration", "acc", "qdd", "ddq", "qddot"),
@@ -22,7 +25,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 OF_JOINTS = ("joint", "j", "q")
 LONG_WORDS = frozenset(word for words in WORDS.values() for word in words if len(word) > 2)
 #: Words of a name that say nothing of the joint.
-SPARE = ("deg", "rad", "s", "mm", "m", "nm", "n", "ma", "measured", "actual", "data")
+SPARE = ("deg", "rad", "s", "mm", "m", "nm", "n", "ma", "measured", "actual", "applied", "data")
 #: Words of what is no joint: a tool's force is no joint's effort.
 TOOLS = ("tcp", "tool", "ee", "flange")
 #: Words of a channel that was wanted and not measured.

@@ -32,6 +32,7 @@ def read(path: Path) -> Log:
     from rosbags.typesys import Stores, get_typestore
 
     found: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
+    tables: dict[str, list[np.ndarray]] = defaultdict(list)
     failed: dict[str, str] = {}
     large: dict[str, str] = {}
     count: dict[str, int] = defaultdict(int)
@@ -47,6 +48,10 @@ def read(path: Path) -> Log:
                     failed[connection.topic] = f"{why}, after {count[connection.topic]} messages"
                     continue
                 count[connection.topic] += 1
+                if connection.msgtype != JOINT_STATE and (columns := table_of(message)):
+                    for name, values in columns.items():
+                        tables[f"{_dotted(connection.topic)}.{name}"].append(values)
+                    continue
                 time = _stamp(message) or 1e-9 * recorded
                 topic = connection.topic if connection.msgtype == JOINT_STATE else ""
                 numbers = _numbers(message, connection.msgtype, connection.topic)
@@ -68,6 +73,9 @@ def read(path: Path) -> Log:
             table = np.array(samples)
             unit = STATE_UNITS.get(name.rpartition(".")[2])
             log.channels.append(Channel(name=name, time=table[:, 0], values=table[:, 1], unit=unit))
+    log.channels += [
+        Channel(name=name, values=np.concatenate(parts)) for name, parts in tables.items()
+    ]
     log.remarks += [
         f"{topic} ({kind}) has messages of more than {MAX_NUMBERS} numbers, which were left out"
         for topic, kind in large.items()
@@ -107,7 +115,30 @@ def _numbers(message: Any, kind: str, topic: str) -> list[tuple[str, float]]:
             if len(values := getattr(message, quantity)) == len(message.name)
             for at, joint in enumerate(message.name)
         ]
-    return _flat(message, topic.lstrip("/").replace("/", "."))
+    return _flat(message, _dotted(topic))
+
+
+def _dotted(topic: str) -> str:
+    return topic.lstrip("/").replace("/", ".")
+
+
+def table_of(message: Any) -> dict[str, np.ndarray]:
+    """Return the columns of a message that holds many samples at once; empty if it does not.
+
+    They are equally long arrays, of which one is a clock or counts: a scan's does not go one way.
+    """
+    arrays = {
+        key: value.astype(float)
+        for key in getattr(message, "__dataclass_fields__", {})
+        if isinstance(value := getattr(message, key), np.ndarray) and value.dtype.kind in "fiu"
+    }
+    lengths = {len(values) for values in arrays.values()}
+    if len(arrays) < 2 or len(lengths) != 1 or max(lengths) <= MAX_NUMBERS:
+        return {}
+    counts = any(
+        values[0] < values[-1] and np.all(np.diff(values) >= 0) for values in arrays.values()
+    )
+    return arrays if counts else {}
 
 
 def _flat(item: Any, name: str) -> list[tuple[str, float]]:

@@ -1,7 +1,7 @@
 """Logs of every kind are read into named channels; a damaged one is one sentence."""
 
 import os
-from dataclasses import replace
+from dataclasses import fields, make_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs import ros
 from analysis.closeloop.logs.reading import read_log
 
 N = 120
@@ -150,6 +151,43 @@ def test_a_bag_of_long_messages_alone_is_told_by_their_topic_and_kind(tmp_path: 
         SessionError, match=r"no signal.*/segments \(std_msgs.*more than 40 numbers"
     ):
         read_log(tmp_path / "log")
+
+
+def test_a_message_of_equally_long_arrays_is_a_table_if_one_of_them_counts() -> None:
+    """A PR2's messages held a second each: tick, milliseconds, position, velocity and torque."""
+    n = np.arange(50.0)
+    kind = make_dataclass("Chunk", ["tick", "position", "name"])
+    table = ros.table_of(kind(tick=n, position=np.sin(n), name="pan"))
+    assert [*table] == ["tick", "position"] and len(table["position"]) == 50
+    scan = make_dataclass("Scan", ["ranges", "intensities"])
+    assert ros.table_of(scan(ranges=np.sin(n), intensities=np.cos(n))) == {}
+    assert ros.table_of(kind(tick=n, position=n[:-1], name="pan")) == {}
+    assert ros.table_of(kind(tick=n[:9], position=n[:9], name="pan")) == {}
+
+
+def test_tables_of_a_bag_follow_each_other(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="needs the extra logs")
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = "sensor_msgs/msg/LaserScan"
+    types: dict[str, Any] = store.types
+    stamp = types["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
+    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+    numbers = {field.name: 0.0 for field in fields(types[kind]) if "_" in field.name}
+    with Writer(tmp_path / "log", version=9) as writer:
+        topic = writer.add_connection("/pan/data", kind, typestore=store)
+        for at in range(3):
+            # No other message of the standard has two such arrays.
+            tick = np.arange(50, dtype=np.float32) + 50 * at
+            given = {**numbers, "header": header, "ranges": tick, "intensities": np.sin(tick)}
+            given.pop("__msgtype__", None)
+            writer.write(topic, at, store.serialize_cdr(types[kind](**given), kind))
+    found = {channel.name: channel for channel in read_log(tmp_path / "log").channels}
+    assert [*found] == ["pan.data.ranges", "pan.data.intensities"]
+    assert np.array_equal(found["pan.data.ranges"].values, np.arange(150.0))
+    assert found["pan.data.ranges"].time is None
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
