@@ -144,7 +144,7 @@ def _unknown(where: str, given: Sequence[str], names: tuple[str, ...]) -> list[s
     """Say which names that stand somewhere a model does not have."""
     wrong = [repr(name[:60]) for name in given if name not in names]
     verb = "is" if len(wrong) == 1 else "are"
-    said = f"{where} {', '.join(wrong)} {verb} unknown; the model has {listed(names)}"
+    said = f"{where} {', '.join(wrong[:20])} {verb} unknown; the model has {listed(names)}"
     return [said] if wrong else []
 
 
