@@ -64,8 +64,17 @@ class Beyond:
         return np.asarray(sure / np.maximum(usual, 1e-12))
 
 
-def beyond_splines(model: Model, rows: Rows, joint: int) -> Beyond:
-    """Return what the model leaves of a joint, alone and with splines on all signals beside it."""
+def beyond_splines(
+    model: Model, rows: Rows, joint: int, fitted: np.ndarray | None = None
+) -> Beyond:
+    """Return what the model leaves of a joint, alone and with splines on all signals beside it.
+
+    Args:
+        model: what is known by now.
+        rows: the samples of all joints.
+        joint: which.
+        fitted: the joint's rows that may be fitted, (r,); None if all may.
+    """
     part, recording = rows.parts[joint], rows.recording
     groups = signal_groups(rows, joint) | phase_groups(recording, joint)
     splines = np.concatenate(list(groups.values()), axis=1)
@@ -80,7 +89,8 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> Beyond:
     kept = scale > 1e-9
     table = table[:, kept] / scale[kept]
     both = np.column_stack([table, target])
-    weight, left, doubt = np.ones(len(target)), target, np.zeros(len(target))
+    sound = np.ones(len(target)) if fitted is None else fitted.astype(float)
+    weight, left, doubt = sound, target, np.zeros(len(target))
     for _ in range(ROUNDS):
         grams = gram_matrices(both * np.sqrt(weight)[:, None], folds)
         total = grams.sum(axis=0)
@@ -89,7 +99,7 @@ def beyond_splines(model: Model, rows: Rows, joint: int) -> Beyond:
             left[own], doubt[own] = _predicted(total - gram, table[own], target[own])
         sure = left / np.sqrt(1.0 + COLOUR * doubt)
         size = np.abs(sure) / (WIDTH * max(spread(sure), 1e-12))
-        weight = np.where(size < 1, (1 - size**2) ** 2, 0.0)
+        weight = sound * np.where(size < 1, (1 - size**2) ** 2, 0.0)
     alone = _smaller(_left(target, base[part], weight), _left(target, turned, weight))
     velocity = recording.velocity[:, [joint]]
     drag = rows.stack(model.transformed({joint: velocity * np.abs(velocity)}), 1)[part]

@@ -30,6 +30,13 @@ from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import rubbing_anyway
 from analysis.closeloop.identification.spectrum import strongest_line
 from analysis.closeloop.judgement.beyond import LEAST_ROWS, beyond_splines
+from analysis.closeloop.judgement.gaps import (
+    Sides,
+    of_bridges,
+    sides_of,
+    standing_on_both,
+    with_sides,
+)
 from analysis.closeloop.judgement.holds import (
     AROUND,
     LEAST_REST,
@@ -83,7 +90,9 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
     friction = dict.fromkeys(recording.joints, 0.0)
     expected: dict[int, np.ndarray] = {}
     if not recording.still:
-        rows = select_rows(recording, tuple(range(len(recording.session.trials))))
+        trials = tuple(range(len(recording.session.trials)))
+        rows, sides = select_rows(recording, trials), sides_of(recording)
+        every = select_rows(with_sides(recording, sides), trials) if sides else rows
         for joint in recording.joints:
             samples = rows.samples[joint]
             if not len(samples):
@@ -97,7 +106,8 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             known = rubbing_anyway(model, joint) if rubs else model
             unknown = STICTION * unknown_friction(model, rows, joint)
             unknown = unknown + crossing(model, rows, joint) + recalled(model, rows, joint)
-            stands_out = [*_moving(known, rows, joint, unknown)]
+            unknown = unknown + of_bridges(model, rows, joint, sides)
+            stands_out = [*_moving(known, every, joint, unknown, sides)]
             often = len(_long(event for event, _ in stands_out))
             own = _long(event for event, swings in stands_out if not swings)
             seconds = len(samples) * samples_step(samples) / recording.rate
@@ -138,7 +148,7 @@ def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
 
 
 def _moving(
-    model: Model, rows: Rows, joint: int, unknown: np.ndarray
+    model: Model, rows: Rows, joint: int, unknown: np.ndarray, sides: Sides
 ) -> Iterator[tuple[Event, bool]]:
     """Yield what stands out of a moving joint's residual and is not there in other passes.
 
@@ -151,12 +161,14 @@ def _moving(
         unknown: torque that no motion shows, Nm or N, low-passed, (n,). Where a joint turns,
             sticking for a moment as long as a controller takes, its friction has any value, as at
             rest; when a link flies through its play, and how it lands, no sample says.
+        sides: of the gaps, of which no fit sees any row.
     """
     recording, samples = rows.recording, rows.samples[joint]
     if len(np.unique(rows.block[rows.parts[joint]])) < SCATTERED:
         return
-    beyond = beyond_splines(model, rows, joint)
+    beyond = beyond_splines(model, rows, joint, model.recording.usable[samples])
     left = beyond.least
+    beyond = standing_on_both(beyond, samples, sides)
     step = float(np.median(np.diff(recording.time[samples])))
     pieces = np.split(
         np.arange(len(samples)), np.flatnonzero(np.diff(samples) > 2 * samples_step(samples)) + 1
