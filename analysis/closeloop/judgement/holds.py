@@ -42,6 +42,10 @@ AROUND = 0.1
 ROUNDING = 1e-9
 #: Friction takes power all the time; of this share of it, more is taken than given.
 RUBS = 0.5
+#: A joint that goes so much in step with its torque (their correlation), by more than its noise, is
+#: driven, however little it goes: one that is pushed goes against it, and one that only creeps on
+#: goes neither way with it.
+FOLLOWS = 0.5
 
 
 def rest_events(
@@ -76,6 +80,7 @@ def rest_events(
         int(trial): noise_of(recording.raw_effort(trial, joint), min(1.0, share))
         for trial in np.unique(recording.trial)
     }
+    flicker = max(_flicker(recording.raw_position(trial, joint)) for trial in noise)
     # Of a course that only falls or rises nothing stands out, and this is nothing.
     usual_anywhere = quiet_spread(np.concatenate([course.nearest for course in courses]))
     excused = np.maximum(abrupt, _answered(recording, joint, expected, beside=beside))
@@ -92,7 +97,7 @@ def rest_events(
         for run in runs(np.abs(beyond) > max(FLANK * usual, 0.2 * least)):
             speed = recording.velocity[samples[run], joint]
             short = (run.stop - run.start) / recording.rate <= SHORTEST
-            if short or _driven(away[run], speed, beyond[run]):
+            if short or _driven(away[run], speed, beyond[run], flicker):
                 continue
             # Friction may be all of it where the joint rests, and is more at rest; of one that is
             # moved a little way it only goes from one side to the other.
@@ -211,19 +216,22 @@ def _beyond(recording: Recording, torque: np.ndarray) -> np.ndarray:
     return np.asarray(torque - median_filter(torque, width, mode="nearest"))
 
 
-def _driven(away: np.ndarray, velocity: np.ndarray, beyond: np.ndarray) -> bool:
+def _driven(away: np.ndarray, velocity: np.ndarray, beyond: np.ndarray, flicker: float) -> bool:
     """Whether a motor moved its joint away from rest itself: then its torque is no event.
 
     Where something pushes, the controller resists: its torque is against the way that the joint
-    goes. A motor's own torque goes that way, or rubs.
+    goes. A motor's own torque goes that way, or rubs. So does that of one that winds up until its
+    joint breaks loose: what sticks yields a little, like a spring.
 
     Args:
         away: of the joint from where it rests, rad or m, (n,).
         velocity: of the joint, rad/s or m/s, (n,).
         beyond: torque beside the joint's own course, Nm or N, (n,).
+        flicker: noise of the joint's position, rad or m.
     """
     if np.abs(away).max() <= MOVING:
-        return False
+        seen = np.ptp(away) > PEAK * flicker and np.ptp(away) > 0.0
+        return bool(seen and np.corrcoef(away, beyond)[0, 1] > FOLLOWS)
     # On the way back its motor works against friction, whoever moved it.
     out = velocity * away > 0.0
     out = out if out.any() else np.ones(len(out), dtype=bool)
@@ -263,6 +271,14 @@ def noise_of(signal: np.ndarray | None, share: float = 1.0) -> float:
     if signal is None:
         return 0.0
     return max(spread(np.diff(signal)) * float(np.sqrt(share / 2.0)), last_digit(signal))
+
+
+def _flicker(position: np.ndarray | None) -> float:
+    """Return the noise of a position's samples, in its unit, beside a motion without jerks."""
+    if position is None:
+        return 0.0
+    # Of white noise a third difference has twenty times the power.
+    return max(spread(np.diff(position, 3)) / float(np.sqrt(20.0)), last_digit(position))
 
 
 def spread(signal: np.ndarray) -> float:

@@ -101,6 +101,33 @@ def test_friction_that_goes_from_one_side_to_the_other_is_no_push(
     assert len(list(found)) == pushes
 
 
+@pytest.mark.parametrize(("yields", "pushes"), [(3e-4, 0), (-3e-4, 1), (1e-6, 1)])
+def test_a_motor_that_winds_up_before_its_joint_breaks_loose_is_no_push(
+    recording: Recording, yields: float, pushes: int
+) -> None:
+    """It went from one side of stiction to the other, in two trials: an opponent's large robot.
+
+    What sticks yields with the torque by far more than its encoder's noise, and to a push against,
+    though it moves by more than that between two samples elsewhere.
+    """
+    wound = np.clip((TIME - 11.4) / 0.6, 0.0, 1.0) * np.clip((12.1 - TIME) / 0.1, 0.0, 1.0)
+    flicker = 1e-6 * np.random.default_rng(3).standard_normal(len(TIME))
+    torque = 4.0 * FRICTION * wound
+    moves = 0.3 * np.minimum(TIME - 10.5, 0.0)
+    winds = holding(recording, moves + yields * wound + flicker, torque, sag=0.6)
+    assert len(list(rest_events(winds, 1, FRICTION, None, 0.0, []))) == pushes
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_push_of_a_joint_that_meanwhile_creeps_on_is_found(
+    recording: Recording, way: float
+) -> None:
+    creep = way * 1e-4 * (TIME - 10.0)
+    pushed = holding(recording, creep, -0.8 * bump(12.0, 0.8), sag=0.6)
+    (event,) = rest_events(pushed, 1, 0.0, None, 0.0, [])
+    assert 11.9 < event.begin < 12.4 < event.end < 12.9
+
+
 def test_a_joint_that_goes_to_another_place_is_not_held(recording: Recording) -> None:
     gone = holding(recording, np.where(TIME > 12.0, 0.1, 0.0), -0.8 * bump(11.8, 0.4))
     assert find_events(Model(gone), gone) == ()
