@@ -221,6 +221,9 @@ def _moving(
                     continue
                 if any(way.comes_back(smooth, top) for way in ways):
                     continue
+                # Since it turned, not where: gravity is nowhere else the opposite.
+                if ways[1].comes_back(smooth, top, mirrored=True):
+                    continue
                 peak = own[np.argmax(np.abs(left[own]))]
                 event = Event(
                     trial=int(recording.trial[samples[top]]),

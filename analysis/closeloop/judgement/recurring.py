@@ -30,10 +30,19 @@ class Way:
         self._tree = cKDTree(self._state)
         self._time = time
 
-    def comes_back(self, residual: np.ndarray, top: int) -> bool:
-        """Whether the same residual is left in other passes as at row `top`."""
-        time = self._time
-        near = np.array(self._tree.query_ball_point(self._state[top], NEAR), dtype=int)
+    def comes_back(self, residual: np.ndarray, top: int, *, mirrored: bool = False) -> bool:
+        """Whether the same residual is left in other passes as at row `top`.
+
+        Args:
+            residual: of every row, (n,).
+            top: the row in question.
+            mirrored: whether passes are meant that go the other way in all signals, and leave the
+                opposite: what inertia and friction take is odd in the motion.
+        """
+        time, way = self._time, -1.0 if mirrored else 1.0
+        near = np.array(self._tree.query_ball_point(way * self._state[top], NEAR), dtype=int)
         near = near[np.abs(time[near] - time[top]) > ELSEWHERE]
         # Somebody may have pushed in one of them, too.
-        return len(near) > 0 and bool(np.mean(residual[near] / residual[top] > ALIKE) > MOSTLY)
+        return len(near) > 0 and bool(
+            np.mean(way * residual[near] / residual[top] > ALIKE) > MOSTLY
+        )

@@ -161,6 +161,20 @@ def test_torque_that_comes_back_wherever_the_joint_passes_is_no_event(swinging: 
     assert find_events(Model(found), found) == ()
 
 
+def test_torque_that_comes_back_the_other_way_where_the_joint_does_is_no_event(
+    recording: Recording,
+) -> None:
+    """An opponent's motor turned once from full torque to the opposite, and once back: a push."""
+    one, other = (pushed(begin, 0.8, 1.0) for begin in (20.8, 42.05))
+    elbow = 1.0 + 0.5 * np.sin(2 * np.pi * 0.4 * TIME) + 0.08 * (one - other)
+    swung = moved(recording, np.column_stack([np.zeros(len(TIME)), elbow]), RATE)
+    odd = with_effort(swung, 0.7 * (one - other))
+    assert find_events(Model(odd), odd) == ()
+    once = with_effort(swung, 0.7 * one)
+    (event,) = find_events(Model(once), once)
+    assert 20.4 < event.begin < 21.2 < event.end < 22.0
+
+
 def test_torque_that_comes_back_at_the_same_time_of_every_trial_is_no_event(
     recording: Recording,
 ) -> None:
