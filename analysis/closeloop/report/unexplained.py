@@ -22,10 +22,13 @@ from analysis.closeloop.judgement.outcome import worse_than_none
 from analysis.closeloop.report.unjudged import MOSTLY, OF_ALL, beyond_floor
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import MOVING
+from intake.xml import listed
 
 #: A trial or a moment whose residual is this many times the usual one stands out.
 ODD = 1.5
 ODD_SECONDS = 0.25
+#: Share of a joint's declared range within which it is at an end of it.
+END_OF_RANGE = 0.01
 #: What the size of the unexplained is the root mean square of: of several parts, the largest.
 OF_SIGNALS = "what goes with a signal or oscillates, over the fitted trials"
 OF_TRIALS = "the error of a trial that stands out, less the usual one"
@@ -153,6 +156,24 @@ def untouched(recording: Recording, events: Sequence[Event]) -> list[str]:
         f"Repeat {file} with {nobody}: something seems to have pushed it at the times that are "
         "listed as events under `unexplained`. If they come back, the model lacks what acts there."
         for file in files
+    ] + _at_ends(recording, events)
+
+
+def _at_ends(recording: Recording, events: Sequence[Event]) -> list[str]:
+    """Say of events at the end of a joint's declared range that a stop may have pushed it."""
+    said: dict[str, list[str]] = {}
+    for event in events:
+        name = recording.name(event.joint)
+        low, high = recording.device.range(name)
+        near = END_OF_RANGE * (high - low)
+        during = (recording.time >= event.begin) & (recording.time <= event.end)
+        place = recording.position[during & (recording.trial == event.trial), event.joint]
+        if low < high and np.any((place < low + near) | (place > high - near)):
+            said.setdefault(name, []).append(f"{event.begin:.2f} s")
+    return [
+        f"{name} was at the end of the range that the model declares at {listed(times)}: it may "
+        "have run into a stop."
+        for name, times in said.items()
     ]
 
 

@@ -5,11 +5,13 @@ import inspect
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.report import json_report
 from analysis.closeloop.report.still import still_answer
 from analysis.closeloop.report.unexplained import event_entries, untouched
+from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 
@@ -44,3 +46,16 @@ def test_an_event_has_the_torque_that_somebody_puts_on_the_joint_too(recording: 
     assert recording.session.trials[0].file in again and "nobody" in again
     offset = BY_NAME["torque_offset"].parameters["torque"]
     assert offset.description.endswith("a torque on the joint has the opposite sign")
+
+
+@pytest.mark.parametrize("beyond", [0.0, 0.2])
+def test_an_event_at_the_end_of_a_declared_range_may_be_a_stop(
+    recording: Recording, beyond: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A real leg that had run into its own was said to be pushed, and nothing else."""
+    event = Event(trial=0, joint=0, begin=1.0, end=1.5, peak=-1.0)
+    during = (recording.time >= 1.0) & (recording.time <= 1.5) & (recording.trial == 0)
+    farthest = float(recording.position[during, 0].max())
+    monkeypatch.setattr(Device, "range", lambda *_: (farthest - 2.0, farthest + beyond))
+    said = untouched(recording, [event])[1:]
+    assert [line.split(" was at")[0] for line in said] == [recording.name(0)] * (not beyond)
