@@ -9,17 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given import layout
-from analysis.given.copies import without_copies
+from analysis.given.copies import FEWEST_ROWS, without_copies
 from analysis.given.delta import kurtosis
 from analysis.given.dependence import related
 from analysis.given.hsic import hsic
 from analysis.given.measures import MEASURES, Measure, standard
 from analysis.given.reading import read_sheet
-from analysis.given.sample import FEWEST_ROWS, Sample, choose
+from analysis.given.sample import Sample, choose
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.json_values import number
 from analysis.sensitivity.estimators import Estimate
-from analysis.sensitivity.judgement.trust import ENOUGH_RUNS, HEAVY
+from analysis.sensitivity.judgement.trust import (
+    ENOUGH_RUNS,
+    HEAVY,
+    in_last_digits,
+    not_in_numbers,
+)
 
 Array = NDArray[np.float64]
 
@@ -81,6 +86,10 @@ def answer(sample: Sample) -> dict[str, Any]:
         if any(None in (one["value"], one["low"]) for one in found.get("delta", {}).values())
     ]
     remarks += [_heavy(name, y[:, o]) for o, name in enumerate(sample.outputs)] if len(x) else []
+    for name, own in zip(sample.outputs, sample.y.T, strict=True):
+        ends = float(np.nanmin(own)), float(np.nanmax(own))
+        lost = [*not_in_numbers(name, *ends), *in_last_digits(name, *ends)]
+        remarks += [f"Do not trust these intervals: {why}." for why in lost]
     design, complete = used.design, sample.complete
     designed = {} if design is None else layout.indices(design, sample.x, sample.y, LEVEL)
     return {

@@ -12,6 +12,9 @@ from scipy.stats import poisson
 
 from analysis.given.spread import joined
 
+#: Fewer rows tell nothing that its interval would not take back.
+FEWEST_ROWS = 64
+
 Array = NDArray[np.float64]
 
 #: Of a column with more than this share of values that stand there once, no two rows are equal by
@@ -40,30 +43,60 @@ def without_copies(x: Array, y: Array) -> NDArray[np.intp]:
     count = np.bincount(row)
     if len(count) == len(x):
         return rows
-    kept, times = there.copy(), int(np.gcd.reduce(count))
-    if times > 1 and len(count) >= _FEWEST_POINTS:
+    kept, times, again = there.copy(), int(np.gcd.reduce(count)), _which(row) > 0
+    if times > 1 and len(count) >= _FEWEST_POINTS and not _balanced(x, count):
         kept[there] = _which(row) < (count // times)[row]
-    elif _beyond_chance(x, y, count):
-        kept[there] = _which(row) == 0
+        return rows[kept | ~there]
+    copy = again & _has_its_own(x, y, row)
+    if _beyond_chance(x[~copy], np.bincount(row[~copy])):
+        copy = again
+    kept[there] = ~copy
     return rows[kept | ~there]
 
 
-def _beyond_chance(x: Array, y: Array, count: NDArray[np.intp]) -> bool:
-    """Say whether more pairs of rows are equal than of rows that were drawn independently.
+def _balanced(x: Array, count: NDArray[np.intp]) -> bool:
+    """Say whether rows are all combinations of few values, each as often as any other.
 
-    An output that the factors determine is the same at the same point. Any other is by chance only
-    if it has few values.
+    As four switches from Sobol's sequence: once each, they are too few to tell anything.
 
     Args:
-        count: how often each row stands there.
+        x: factors, shape (rows, factors).
+        count: how often each different row stands there.
     """
+    values = [len(np.unique(column)) for column in x.T]
+    all_alike = len(count) == int(np.prod(values)) and count.min() == count.max()
+    return all_alike and len(count) < FEWEST_ROWS
+
+
+def _has_its_own(x: Array, y: Array, row: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return which rows have a value that none but their equals have, where values hardly repeat.
+
+    A value that many rows have may be one of those that do: a rain gauge's zero.
+
+    Args:
+        row: the number of each row among those that differ.
+    """
+    equals = np.bincount(row)[row]
+    found = np.zeros(len(row), dtype=np.bool_)
     point = _codes(x)
+    # What the factors determine is the same at the same point, however seldom a value repeats.
     noisy = [one for one in y.T if _codes(np.column_stack([point, one])).max() > point.max()]
-    if any(_hardly_repeats(column) for column in (*x.T, *noisy)):
-        return True
+    for column in (*x.T, *noisy):
+        if _hardly_repeats(column):
+            code = _codes(column[:, None])
+            found |= np.bincount(code)[code] == equals
+    return found
+
+
+def _beyond_chance(x: Array, count: NDArray[np.intp]) -> bool:
+    """Say whether more pairs of rows are equal than of rows that were drawn independently.
+
+    Args:
+        count: how often each row stands there; others may stand there never.
+    """
     codes = np.column_stack([_codes(column[:, None]) for column in x.T])
     # A column with a value for every row repeats it where the row is repeated, and so do others.
-    few = codes.max(axis=0) < _HARDLY * len(count)
+    few = codes.max(axis=0) < _HARDLY * len(x)
     group = np.arange(len(few))
     group[few] = len(few) + joined(codes[:, few]) if few.any() else group[few]
     every = 0.5 * len(x) * (len(x) - 1.0)

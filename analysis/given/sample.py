@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 
 from analysis.given import layout
 from analysis.given.cells import on_one_line
-from analysis.given.copies import without_copies
+from analysis.given.copies import FEWEST_ROWS, without_copies
 from analysis.given.reading import Sheet
 from analysis.given.refusals import GivenError
 from models.entries import RESULT_COLUMNS
 
 Array = NDArray[np.float64]
 
-#: Fewer rows tell nothing that its interval would not take back.
-FEWEST_ROWS = 64
 #: Factors times outputs at most: what the measures take is proportional to them.
 MOST_PAIRS = 1000
 

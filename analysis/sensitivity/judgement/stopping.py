@@ -254,6 +254,11 @@ def no_spread(snapshot: Mapping[str, Any], output: str) -> str:
     mean, sd = entry.get("mean"), entry.get("sd")
     if mean is None or sd is None or sd > ROUNDING * abs(mean):
         return ""
+    if sd > 0.0:
+        return (
+            f"{output} is {mean:.6g} in every run but for its last digits: no factor of the study "
+            "moves it, or by so little that it has to be given without what is always the same."
+        )
     return f"{output} is {mean:.6g} in every run: no factor of the study moves it."
 
 

@@ -100,7 +100,7 @@ def judge(
     kurtosis = float(estimator.kurtosis()[output])
     effective = runs / kurtosis
     reasons = [_OUTER_LEVELS] if estimator.sampling == "trajectories" and rows else []
-    reasons += _not_in_numbers(name, float(estimator.least[output]), float(estimator.most[output]))
+    reasons += not_in_numbers(name, float(estimator.least[output]), float(estimator.most[output]))
     if rows >= FEWEST_ROWS:
         if on_few_runs(estimator)[output]:
             as_many = f"as many as {effective:.0f} of equal size would, of {runs:,}"
@@ -139,7 +139,7 @@ def judge(
     )
 
 
-def _not_in_numbers(name: str, least: float, most: float) -> list[str]:
+def not_in_numbers(name: str, least: float, most: float) -> list[str]:
     """Return why an output's values, from `least` to `most`, are not told by double precision.
 
     (Higham 2002, Accuracy and stability of numerical algorithms, section 1.7 and chapter 2.)
@@ -159,6 +159,17 @@ def _not_in_numbers(name: str, least: float, most: float) -> list[str]:
             "are left for it (take off what is the same in every run)"
         ]
     return []
+
+
+def in_last_digits(name: str, least: float, most: float) -> list[str]:
+    """Return that an output, from `least` to `most`, differs by no more than rounding, if so."""
+    size = max(abs(least), abs(most))
+    if not 0.0 < most - least <= SAME * size:
+        return []
+    return [
+        f"{name} is {size:.6g} in every row but for its last digits, and indices are those of its "
+        "rounding (take off what is the same in every row)"
+    ]
 
 
 def _short_of_one(statistics: Mapping[str, Statistic], output: int) -> float | None:

@@ -92,3 +92,33 @@ def test_shares_of_factors_of_few_values_are_those_of_their_distribution(tmp_pat
     with pytest.raises(GivenError, match="it has 40 different rows"):
         table = np.tile(rng.random((40, 4)), (3, 1))
         analyse(written(tmp_path / "copies.csv", table), ["y"])
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_rows_that_are_equal_where_values_pile_up_are_kept(noise: float) -> None:
+    """Three in ten of two factors were zero, and of what they did together nothing was left."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        x = np.maximum(0.0, rng.random((300, 2)) - 0.3)
+        y = x.sum(axis=1, keepdims=True)
+        y = np.maximum(0.0, y + noise * rng.normal(size=y.shape) - 0.2)
+        assert len(without_copies(x, y)) == 300
+
+
+def test_copies_are_dropped_beside_values_that_pile_up() -> None:
+    """Not those of the rows that many have, of which nobody knows."""
+    rng = np.random.default_rng(1)
+    x = np.maximum(0.0, rng.random((300, 2)) - 0.3)
+    table = np.concatenate([x, x[:40]])
+    kept = without_copies(table, weighed(table))
+    assert kept.tolist() == [*range(300), *(300 + np.flatnonzero((x[:40] == 0.0).all(axis=1)))]
+
+
+def test_all_combinations_of_few_values_may_stand_there_as_often_as_one_likes() -> None:
+    """Four switches from 256 of Sobol's points were refused as 16 different rows."""
+    x = np.stack(np.meshgrid(*[[0.0, 1.0]] * 4), axis=-1).reshape(-1, 4)
+    table = np.tile(x, (16, 1))
+    assert len(without_copies(table, weighed(table))) == 256
+    # Of so many that indices need no more, a second time tells nothing new.
+    many = np.tile(np.stack(np.meshgrid(*[[0.0, 1.0, 2.0, 3.0]] * 3), -1).reshape(-1, 3), (8, 1))
+    assert len(without_copies(many, weighed(many))) == 64
