@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from analysis.designs.radial import legs
 from analysis.sensitivity.estimators import Estimate, Estimator, MorrisEstimator, estimator_class
 from analysis.sensitivity.estimators.weightings import FIRST, WEIGHTINGS
+from analysis.sensitivity.judgement.trust import FEWEST_ROWS as FEWEST_BELIEVED
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,10 @@ class Layout:
         if self.method == "saltelli_second_order":
             kind += " with pairs"
         rows, width = self.places.shape
-        return f"The sample is {kind} of {rows} rows of {width} runs, and is analysed as one too."
+        said = f"The sample is {kind} of {rows} rows of {width} runs, and is analysed as one too."
+        if rows < FEWEST_BELIEVED:
+            said += f" Intervals of fewer than {FEWEST_BELIEVED} rows are not to be believed."
+        return said
 
 
 def recognise(x: Array) -> Layout | None:

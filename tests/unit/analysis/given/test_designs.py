@@ -253,3 +253,25 @@ def test_drawn_tables_with_factors_of_few_values_are_no_parts_of_a_design() -> N
         for levels in ((2, 0, 0, 0), (2, 3, 0, 0), (2, 2, 5, 0), (2, 75, 0, 0)):
             x = np.where(np.array(levels) > 0, np.floor(drawn * levels), drawn)
             assert in_parts(x) == 0
+
+
+@pytest.mark.parametrize(("rows", "believed"), [(64, False), (128, True)])
+def test_of_a_design_of_few_rows_it_is_said_that_intervals_are_not_to_be_believed(
+    rows: int, believed: bool
+) -> None:
+    """64 rows of a stranger's held 0.66 to 0.86."""
+    found = layout.recognise(saltelli(rows).reshape(-1, 3))
+    assert found is not None
+    assert found.sentence.endswith("not to be believed.") != believed
+
+
+@pytest.mark.parametrize(("offset", "said"), [(0.0, 0), (1e12, 1), (1e16, 1)])
+def test_of_an_output_that_an_offset_hides_it_is_said_that_its_rounding_is_left(
+    offset: float, said: int, tmp_path: Path
+) -> None:
+    x = np.random.default_rng(1).random((200, 2))
+    y = offset + 1e-3 * (x[:, 0] + (offset > 1e15) * 4e3 * x[:, 1])
+    remarks = analyse(written(tmp_path / "s.csv", np.column_stack([x, y]), "a,b,y"), ["y"])[
+        "remarks"
+    ]
+    assert sum("take off what is the same" in remark for remark in remarks) == said
