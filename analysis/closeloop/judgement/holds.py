@@ -44,7 +44,7 @@ ROUNDING = 1e-9
 RUBS = 0.5
 #: A joint that goes so much in step with its torque (their correlation), by more than its noise, is
 #: driven, however little it goes: one that is pushed goes against it, and one that only creeps on
-#: goes neither way with it.
+#: goes neither way with it. (Set while looking at one axis of a KR300: 0.68 and 0.83.)
 FOLLOWS = 0.5
 
 

@@ -16,7 +16,7 @@ from analysis.closeloop.logs.units import UNITS
 STEPS = (1e-5, 0.2)
 #: Share of a clock's steps that increase without a gap, and of its samples that have a stamp.
 MOSTLY = 0.98
-#: Part of another clock's jitter that a more even one has at most.
+#: Part of another clock's jitter that a more even one has at most. (Of a real bag: 0.06.)
 EVENER = 0.75
 #: A step back by more median steps is a restart; a smaller one, or none, a stamp that repeats.
 RESTART = 10
