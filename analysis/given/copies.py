@@ -96,7 +96,7 @@ def _beyond_chance(x: Array, count: NDArray[np.intp]) -> bool:
     """
     codes = np.column_stack([_codes(column[:, None]) for column in x.T])
     # A column with a value for every row repeats it where the row is repeated, and so do others.
-    few = codes.max(axis=0) < _HARDLY * len(x)
+    few = codes.max(axis=0) < _HARDLY * np.count_nonzero(count)
     group = np.arange(len(few))
     group[few] = len(few) + joined(codes[:, few]) if few.any() else group[few]
     every = 0.5 * len(x) * (len(x) - 1.0)

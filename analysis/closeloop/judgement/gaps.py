@@ -50,6 +50,7 @@ def with_sides(recording: Recording, sides: Sides) -> Recording:
     cutoff, rate = recording.sampling.fit_cutoff, recording.rate
     low = PiecesLowpass(measured, recording.slices, cutoff, rate)
     found = replace(recording, measured=measured, effort=low(recording.unfiltered))
+    # The motion is the same: what only it tells is not computed again.
     known: Mapping[str, object] = {
         name: getattr(recording, name) for name in ("rigid", "inverse", "static", "_thinned")
     }
