@@ -140,10 +140,10 @@ def _new_parameters(option: Option) -> int:
 
 def _worth(option: Option, model: Model, current: Score, rows: Rows, least: float) -> bool:
     """Whether a gain is more than luck, and large enough to matter."""
-    told_twice = _told_twice(option, model, current, rows)
-    if option.gain <= least or not matters(option, current, rows, in_form=told_twice):
+    twice = told_twice(option, model, current, rows)
+    if option.gain <= least or not matters(option, current, rows, in_form=twice):
         return False
-    return told_twice or more_than_luck(current.losses, option.score.losses, rows.fold_of_block)
+    return twice or more_than_luck(current.losses, option.score.losses, rows.fold_of_block)
 
 
 def matters(option: Option, current: Score, rows: Rows, *, in_form: bool = False) -> bool:
@@ -162,7 +162,7 @@ def matters(option: Option, current: Score, rows: Rows, *, in_form: bool = False
     return option.gain > min(own, least_of_joints(rows, worse, better, in_form=in_form))
 
 
-def _told_twice(option: Option, model: Model, current: Score, rows: Rows) -> bool:
+def told_twice(option: Option, model: Model, current: Score, rows: Rows) -> bool:
     """Whether an effect takes a large gain at the size and at the times that its own law says.
 
     Its size has been asked for already (`Effect.has_to_agree`).

@@ -39,6 +39,7 @@ from analysis.closeloop.identification.selection import (
     carries_more,
     choose,
     matters,
+    told_twice,
 )
 from analysis.closeloop.identification.spectrum import Peak
 
@@ -294,7 +295,9 @@ def _retested(
         without = evaluate(rest, rows)
         missed = without.loss - grown.score.loss
         folds = rows.fold_of_block
+        beside = replace(step.taken, model=grown.model, score=grown.score, gain=missed)
         real = more_than_luck(without.losses, grown.score.losses, folds, ALONE_Z)
+        real = real or told_twice(beside, rest, without, rows)
         candidate = step.taken.candidate
         if (
             not real

@@ -129,6 +129,18 @@ def test_no_effect_is_added_that_needs_another_to_be_what_it_cannot_be(
     assert names(rows, "payload", "nonlinear_stiffness") == ["payload"]
 
 
+def test_what_its_own_law_tells_twice_is_kept_though_it_fills_few_seconds(
+    elbow: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Play went again that was taken by when it comes, and left half of the loss there was."""
+    load = torque(elbow, "payload", {"distance": 1.6}, 0.4)
+    rows = rows_with(elbow, load + torque(elbow, "nonlinear_stiffness", {"centre": 1.0}, 20.0))
+    monkeypatch.setattr(steps, "more_than_luck", lambda *_: False)
+    assert len(names(rows, "payload", "nonlinear_stiffness")) == 1
+    monkeypatch.setattr(steps, "told_twice", lambda *_: True)
+    assert len(names(rows, "payload", "nonlinear_stiffness")) == 2
+
+
 def test_no_effect_is_added_that_only_its_slopes_make_room_for(
     elbow: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
