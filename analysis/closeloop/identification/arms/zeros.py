@@ -20,6 +20,7 @@ from analysis.closeloop.identification.balance.model import (
 from analysis.closeloop.identification.balance.regression import Rows, Score, compare
 from analysis.closeloop.identification.balance.terms import Candidate, Term, kept_columns
 from analysis.closeloop.identification.candidates import tried_alone
+from analysis.closeloop.identification.nameable import beyond_physics
 from analysis.closeloop.session.chain.link_torque import carriers
 from sim.effects.catalogue import BY_NAME
 from sim.effects.laws.inertia import PlacedPayload
@@ -164,7 +165,11 @@ def without_needless_zeros(model: Model, rows: Rows) -> Model:
     """Take out wrong zeros that joints do not share any more once what is loose was found.
 
     A link that leans on its spring is elsewhere, too, and a zero stood for what that was not yet.
+    And those that would be where none can be, beside all that was found since.
     """
+    for candidate in model.effects:
+        if candidate.effect is ZERO and beyond_physics(model, evaluate(model, rows), candidate):
+            model = placed(model.without(candidate), rows)
     if not any(isinstance(candidate.effect, LooseLink) for candidate in model.effects):
         return model
     for candidate in model.effects:
@@ -176,15 +181,17 @@ def without_needless_zeros(model: Model, rows: Rows) -> Model:
 
 
 def _zeros(model: Model, rows: Rows) -> Iterator[tuple[Model, Score]]:
-    """Yield the model with a wrong zero of each joint that has none yet."""
-    tried = [tried_alone(model, rows, zero) for zero in _missing(model, rows)]
-    found = sorted((one for one in tried if one), key=lambda pair: pair[1].loss)
+    """Yield the model with a wrong zero of each joint that has none yet, if it can be one."""
+    tried = [(zero, tried_alone(model, rows, zero)) for zero in _missing(model, rows)]
+    found = sorted(((*one, zero) for zero, one in tried if one), key=lambda each: each[1].loss)
     best = np.inf
-    for beside, score in found:
+    for beside, score, zero in found:
         # What loses to one that is in its place already is not worth its own.
         if score.loss < best:
             beside = placed(beside, rows)
             score = evaluate(beside, rows)
+            if beyond_physics(beside, score, zero):
+                continue
             best = min(best, score.loss)
         yield beside, score
 

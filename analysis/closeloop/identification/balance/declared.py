@@ -271,8 +271,10 @@ def _likeliest(model: Model, rows: Rows, load: HungLoad, joint: int) -> np.ndarr
 def placed(model: Model, rows: Rows) -> Model:
     """Return the model with every payload where the fit says it hangs, by Gauss-Newton.
 
-    And with every wrong zero of a robot where the fit says it is: its torque is a secant over the
-    zero itself, of the chain with the links and loads that were found. A gain scales their torque.
+    And with every wrong zero of a robot where the fit says it is, if it can be there: its torque is
+    a secant over the zero itself, of the chain with the links and loads that were found, and far
+    beyond that is rounding, which some size makes a torque of (an opponent's UR10: 1e15 rad). A
+    gain scales their torque.
     """
     for number in range(PLACE_STEPS):
         longest = 0.0
@@ -285,11 +287,13 @@ def placed(model: Model, rows: Rows) -> Model:
                 longest = max(longest, float(np.linalg.norm(step)))
                 term = _moved_by(model.recording, term, step)
             elif term.effect is ZERO and term.joint not in model.recording.limbs:
-                longest = max(longest, abs(float(own[0]) - term.theta["offset"]))
+                least, most = ZERO.limits(unfitted(model.recording, term.joint))["offset"]
+                offset = float(np.clip(own[0], least, most))
+                longest = max(longest, abs(offset - term.theta["offset"]))
                 if hung and not number:
                     # Its slope may be that of the chain before anything else was found.
                     longest = np.inf
-                term = _zero_at(model.recording, term, float(own[0]), hung)
+                term = _zero_at(model.recording, term, offset, hung)
             elif term.effect is not None and term.effect.scales_effort:
                 moved, term = _scaling(model.recording, term, shared)
                 longest = max(longest, moved)

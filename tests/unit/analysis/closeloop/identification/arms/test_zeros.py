@@ -23,6 +23,7 @@ from analysis.closeloop.identification.arms.zeros import (
     for_rare,
     with_zeros,
 )
+from analysis.closeloop.identification.balance.declared import placed
 from analysis.closeloop.identification.balance.model import (
     Model,
     evaluate,
@@ -64,6 +65,19 @@ def test_a_wrong_zero_is_asked_of_all_joints_at_once_and_only_if_there_is_one(
     assert [term.joint for term in zeros] == ([ELBOW] if offset else [])
     assert all(set(term.columns) == set(arm.joints) for term in zeros)
     assert all(term.theta["offset"] == pytest.approx(offset, rel=0.1) for term in zeros)
+
+
+def test_no_zero_is_sought_beyond_where_it_can_be() -> None:
+    """Gauss-Newton went to where its torque is rounding, and an opponent's UR10 had 1e15 rad."""
+    still = rich_recording(20)
+    arm = arm_of(still.inverse - 20.0 * still.secant(SHOULDER, -0.1), still)
+    rows = select_rows(arm, (0,))
+    zero = Candidate(effect=BY_NAME[ZERO], joint=SHOULDER)
+    theta = {"offset": 0.1}
+    columns = zero.effect.columns(unfitted(arm, SHOULDER), theta)
+    term = Term(effect=zero.effect, joint=SHOULDER, columns=columns, theta=theta, candidate=zero)
+    model = placed(with_independent(Model(arm), term, rows), rows)
+    assert model.terms[0].theta["offset"] == pytest.approx(np.pi / 2)
 
 
 def test_a_zero_goes_that_only_stood_for_a_centre_of_mass() -> None:
