@@ -67,9 +67,32 @@ def _telling(rows: Rows, residual: np.ndarray, known: np.ndarray) -> np.ndarray:
     for joint in rows.joints:
         part = rows.parts[joint]
         left, own = residual[part], known[part]
-        if not own.all() and rms(left[~own]) > LEFT * rms(left[own]):
+        if own.all() or rms(left[~own]) <= LEFT * rms(left[own]):
+            continue
+        if _ways(rows, joint, own) == _ways(rows, joint, np.ones(len(own), dtype=bool)):
             kept[part] = own
     return kept
+
+
+def _ways(rows: Rows, joint: int, kept: np.ndarray) -> list[bool]:
+    """Return whether a joint moves both ways, long enough, in what is fitted of each fold.
+
+    Where it goes one way but for a turn, friction is an offset without that turn. (An opponent's
+    UR10: a wrist that rubs was predicted four times as badly as by least squares.)
+
+    Args:
+        rows: the samples.
+        joint: its number.
+        kept: which of its samples are kept, (s,).
+    """
+    samples, fold = rows.samples[joint], rows.fold_of_block[rows.block[rows.parts[joint]]]
+    velocity, speed = rows.recording.velocity[samples, joint], rows.recording.rest_speed[joint]
+    least = MOVED * rows.recording.rate / samples_step(samples)
+
+    def moves(one: int, sign: float) -> bool:
+        return int(np.sum(kept & (fold != one) & (sign * velocity > speed))) >= least
+
+    return [moves(one, 1.0) and moves(one, -1.0) for one in np.unique(fold)]
 
 
 def known_friction(model: Model, rows: Rows, residual: np.ndarray) -> np.ndarray:
