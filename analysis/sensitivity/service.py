@@ -25,6 +25,19 @@ WhyAway = Callable[[Exception], str | None]
 POLL_SECONDS = 0.5
 #: The most of them between two looks for a store that is away.
 LONGEST_PAUSE = 8.0
+#: What a study's numbers may bring about in our code. The store's errors are of other kinds, and
+#: not about one study.
+_OF_A_STUDY = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    ImportError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+)
 #: Results between two commits: few enough that a snapshot is never long in coming.
 BATCH = 2000
 
@@ -69,7 +82,7 @@ class ResultLog(Protocol):
         """Extend the complete studies that are less precise than their goals.
 
         The rule is `judgement.stopping.next_step`; studies whose snapshot lacks a result
-        wait.
+        wait. One that cannot be judged is told so, and keeps no other from being judged.
         """
 
 
@@ -157,7 +170,7 @@ def _look(log: ResultLog, stop: Event, failed: set[str]) -> None:
             # One that was deleted since it was listed needs no indices.
             with suppress(NoSuchStudyError):
                 catch_up(log, study_id)
-        except (ArithmeticError, ValueError):
+        except _OF_A_STUDY:
             failed.add(study_id)
             logger.exception(
                 "study %s has no indices, an error of rehyb: please report it", study_id

@@ -29,6 +29,11 @@ EFFECT_TARGET = 0.1
 
 #: Shares lie between 0 and 1, so an interval of this half width says nothing of one.
 NO_TARGET = 0.5
+#: And no study has rows enough for one of less: 1e8 rows of Sobol points come to about 1e-5.
+LEAST_TARGET = 1e-6
+#: Most further rows that are forecast, far more than any study has: to say how many more would tell
+#: nobody anything, and of a target like 1e-200 it is a number that no float can be.
+MOST_FORECAST = 10**12
 
 #: By family of methods: the indices that must be precise.
 WANTED = {
@@ -71,6 +76,11 @@ def check_target(target: float | None, method: str | None = None) -> None:
             f"target must be below {NO_TARGET}, not {target:g}: a share of the variance lies "
             f"between 0 and 1, so ±{target:g} says nothing of it"
         )
+    if method is not None and family(method) != "morris" and target < LEAST_TARGET:
+        raise ValueError(
+            f"target must be {LEAST_TARGET:g} or more, not {target:g}: no study has rows enough to "
+            "tell a share of the variance, between 0 and 1, more precisely"
+        )
 
 
 def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None) -> Advice | None:
@@ -101,10 +111,7 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
     factor, name, widest = max(entries, key=lambda entry: _half(entry[2]))
     half = _half(widest)
     complete = snapshot["rows_complete"]
-    if half <= target or target == 0.0:
-        more = 0
-    else:
-        more = _round_up(complete * ((half / target) ** 2 - 1.0))
+    more = 0 if half <= target or target == 0.0 else _more_rows(complete, half / target)
     runs = more * row_width(snapshot["method"], len(factors))
     reach = f"±{target:.2g}"
     now = f"the widest interval, {SYMBOLS[name]} of {factor}, has ±{half:.2g}"
@@ -115,6 +122,7 @@ def advise(snapshot: Mapping[str, Any], output: str, target: float | None = None
     else:
         sobol = snapshot["sampling"].startswith(("owen", "sobol")) and name != "mu_star"
         about = "At most about" if sobol else "About"
+        about = "More than" if more == MOST_FORECAST else about
         sentence = f"{about} {more:,} more rows ({runs:,} runs) bring {output} to {reach}: {now}."
         if snapshot["method"] == "surrogate" and complete + more > MOST_RUNS:
             sentence = f"More than the {MOST_RUNS} runs that a function is fitted to: {now}."
@@ -276,6 +284,13 @@ def _doubt(trust: Mapping[str, Any], rows: int) -> str:
 
 def _half(entry: Mapping[str, float]) -> float:
     return 0.5 * (entry["high"] - entry["low"])
+
+
+def _more_rows(complete: int, times_wider: float) -> int:
+    """Return how many rows are needed besides those there are, `MOST_FORECAST` at most."""
+    # Before it is squared: half a width of 1e100 by a target of 1e-100 has no square.
+    rows = complete * (min(times_wider, float(MOST_FORECAST)) ** 2 - 1.0)
+    return _round_up(rows) if rows < MOST_FORECAST else MOST_FORECAST
 
 
 def _round_up(rows: float) -> int:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
-from analysis.sensitivity.judgement.stopping import check_target, next_step
+from analysis.sensitivity.judgement.stopping import Step, check_target, next_step
 from models.curves import names_of
 from server.errors import InvalidStudyError
 from server.logic.study.plans import MAX_ROWS
@@ -79,15 +79,32 @@ def next_extension(
     step = next_step(seen, goal, study.plan.rows)
     if step is None:
         return None
+    after = study if step.rows is None else extended(study, step.rows)
+    return after, _taken(study, goal, step)
+
+
+def unjudged(study: Study, goal: PrecisionGoal) -> PrecisionGoal:
+    """Return a goal after an error of ours kept the study from being judged, which ends it.
+
+    To try again would fail again; somebody who sets the goal anew has it tried.
+    """
+    said = (
+        f"Whether the indices of {goal.output} are as precise as wanted could not be told, an "
+        "error of rehyb: please report what the log of the analysis says. It is not extended."
+    )
+    return _taken(study, goal, Step(rows=None, reached=False, sentence=said))
+
+
+def _taken(study: Study, goal: PrecisionGoal, step: Step) -> PrecisionGoal:
+    """Return a goal with one more step."""
     said = {
         "rows": study.plan.rows,
         "extended_to": step.rows,
         "reached": step.reached,
         "sentence": step.sentence,
     }
-    after = study if step.rows is None else extended(study, step.rows)
     judged = study.edition if step.rows is None else None
-    return after, replace(goal, judged=judged, steps=(*goal.steps, said))
+    return replace(goal, judged=judged, steps=(*goal.steps, said))
 
 
 def shown(study: Study, goal: PrecisionGoal | None) -> dict[str, Any] | None:

@@ -1,13 +1,19 @@
 """Precision goals of studies: kept, and acted on when a study is complete."""
 
+import logging
+from collections.abc import Mapping
+from typing import Any
+
 from sqlalchemy.engine import Engine
 
 from server.errors import ConflictError
-from server.logic.study.precision_goals import next_extension
-from server.records import PrecisionGoal
+from server.logic.study.precision_goals import next_extension, unjudged
+from server.records import PrecisionGoal, Study
 from server.states import StudyState
 from server.store.database.engine import alone_reading, writing
 from server.store.study import precision_goals, snapshots, studies
+
+log = logging.getLogger(__name__)
 
 of = alone_reading(precision_goals.find)
 every = alone_reading(precision_goals.every)
@@ -48,10 +54,22 @@ def act_on(engine: Engine, study_id: str) -> bool:
         cursor, _ = snapshots.state(connection, study_id)
         if goal is None or snapshot is None or cursor != study.result_count:
             return False
-        if (changed := next_extension(study, goal, snapshot)) is None:
+        if (changed := _changed(study, goal, snapshot)) is None:
             return False
         after, goal = changed
         if after != study:
             studies.save(connection, after)
         precision_goals.put(connection, study_id, goal)
     return True
+
+
+def _changed(
+    study: Study, goal: PrecisionGoal, snapshot: Mapping[str, Any]
+) -> tuple[Study, PrecisionGoal] | None:
+    """Return as `next_extension`; a study that it fails at is told so and left as it is."""
+    try:
+        return next_extension(study, goal, snapshot)
+    except Exception:
+        # Whatever it is: the process that judges is that of all studies.
+        log.exception("study %s cannot be judged, an error of rehyb: please report it", study.id)
+        return study, unjudged(study, goal)

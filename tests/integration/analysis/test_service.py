@@ -316,14 +316,25 @@ def test_an_error_that_is_not_about_the_connection_ends_the_service() -> None:
         follow(log, stop=Pauses(), why_away=lambda error: None)
 
 
+@pytest.mark.parametrize(
+    "error",
+    [
+        ZeroDivisionError("float division by zero"),
+        OverflowError(34, "Numerical result out of range"),
+        KeyError("y"),
+        TypeError("float, not None"),
+        MemoryError(),
+        RecursionError("too deep"),
+    ],
+)
 def test_a_study_that_cannot_be_computed_stops_no_other_and_is_told_of_once(
-    caplog: pytest.LogCaptureFixture,
+    error: Exception, caplog: pytest.LogCaptureFixture
 ) -> None:
     log, _ = study("morris")
     stop, looks = Pauses(), []
 
     def fail() -> None:
-        raise ZeroDivisionError("float division by zero")
+        raise error
 
     def count() -> None:
         looks.append(1)

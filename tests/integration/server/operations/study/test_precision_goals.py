@@ -105,6 +105,53 @@ def test_two_processes_extend_a_study_once(engine: Engine, plan: Drawing) -> Non
     assert studies.get(engine, study.id).plan.rows == 16
 
 
+@pytest.mark.parametrize("target", [1e-60, 1e-200, 1e-320])
+def test_a_target_out_of_reach_of_effects_ends_at_the_cap(
+    engine: Engine, plan: Drawing, target: float
+) -> None:
+    study = begun(engine, plan(method="morris", rows=8))
+    goal = precision_goal(study.plan, output=None, target=target, up_to=12)
+    precision_goals.put(engine, study.id, goal)
+    for _ in range(2):
+        run(engine, study.id)
+        StoreResultLog(engine).act_on_precision_goals()
+    found = precision_goals.of(engine, study.id)
+    assert found is not None
+    assert [(step["rows"], step["extended_to"]) for step in found.steps] == [(8, 12), (12, None)]
+
+
+def test_a_study_that_cannot_be_judged_says_so_and_keeps_no_other_from_it(
+    engine: Engine,
+    plan: Drawing,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    both = []
+    for _ in range(2):
+        study = begun(engine, plan(method="saltelli", rows=8))
+        precision_goals.put(engine, study.id, PrecisionGoal(output="y", target=0.001, up_to=16))
+        run(engine, study.id)
+        both.append(study)
+    bad, good = both
+
+    def fails_at_one(study: Study, *rest: Any) -> Any:
+        if study.id == bad.id:
+            raise KeyError("an error of ours")
+        return next_extension(study, *rest)
+
+    monkeypatch.setattr(f"{precision_goals.__name__}.next_extension", fails_at_one)
+    StoreResultLog(engine).act_on_precision_goals()
+    assert studies.get(engine, good.id).plan.rows == 16
+    found = precision_goals.of(engine, bad.id)
+    assert found is not None and is_settled(studies.get(engine, bad.id), found)
+    (step,) = found.steps
+    assert (step["extended_to"], step["reached"]) == (None, False)
+    assert "could not be told, an error of rehyb" in step["sentence"]
+    (told,) = caplog.records
+    assert f"study {bad.id} cannot be judged" in told.message and told.exc_info
+    assert precision_goals.due(engine) == []
+
+
 def test_what_the_analysis_has_not_seen_yet_is_waited_for(engine: Engine, plan: Drawing) -> None:
     study = begun(engine, plan(method="saltelli", rows=8))
     precision_goals.put(engine, study.id, PrecisionGoal(output="y", target=0.001, up_to=999))

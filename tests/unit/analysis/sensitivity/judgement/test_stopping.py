@@ -140,8 +140,20 @@ def test_no_share_of_a_variance_is_wanted_to_half_of_what_it_can_be(method: str)
     )
 
 
+@pytest.mark.parametrize("method", ["saltelli", "shapley", "surrogate"])
+def test_no_share_of_a_variance_is_wanted_to_less_than_any_study_tells(method: str) -> None:
+    check_target(1e-6, method)
+    with pytest.raises(ValueError) as refused:
+        check_target(9e-7, method)
+    assert str(refused.value) == (
+        "target must be 1e-06 or more, not 9e-07: no study has rows enough to tell a share of the "
+        "variance, between 0 and 1, more precisely"
+    )
+
+
 def test_effects_may_be_wanted_to_any_half_width_and_goals_that_are_set_go_on() -> None:
     check_target(1e6, "morris")
+    check_target(1e-300, "morris")
     advice = advise(snapshot(0.04), "error", target=1.5)
     assert advice is not None and advice.more_rows == 0
 

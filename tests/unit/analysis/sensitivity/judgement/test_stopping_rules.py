@@ -65,6 +65,21 @@ def test_of_effects_nothing_is_said_of_powers_of_two() -> None:
     )
 
 
+@pytest.mark.parametrize("target", [1e-60, 1e-200, 1e-320])
+def test_a_target_out_of_any_reach_needs_more_rows_than_are_counted(target: float) -> None:
+    advice = advise(screened(1e100), "error", target)
+    assert advice is not None and advice.more_rows == 10**12
+    assert advice.sentence == (
+        f"More than 1,000,000,000,000 more rows (3,000,000,000,000 runs) bring error to "
+        f"±{target:.2g}: the widest interval, μ* of x, has ±1e+100."
+    )
+    step = next_step(screened(1e100), Goal(output="error", target=target, up_to=300), 100)
+    assert step is not None and (step.rows, step.reached) == (128, False)
+    shot = snapshot(0.04, rows=100)
+    step = next_step(shot, Goal(output="error", target=target, up_to=100), 100)
+    assert step is not None and (step.rows, step.reached) == (None, False)
+
+
 @pytest.mark.parametrize("target", [0.0, -1.0, float("inf"), float("nan")])
 def test_a_target_that_is_none_is_named(target: float) -> None:
     with pytest.raises(ValueError) as refused:
