@@ -177,7 +177,7 @@ class WholeAnswers:
 class _AnsweringAtOnce(ImpatientProtocol):
     """HTTP with `WholeAnswers`."""
 
-    def connection_made(self, transport: asyncio.Transport) -> None:
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to serve a connection."""
         super().connection_made(WholeAnswers(transport))  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""How long a connection may keep the coordinator waiting, and how many may be open."""
+"""How long a connection may keep the coordinator waiting or busy, and how many may be open."""
 
 import asyncio
 import resource
@@ -7,7 +7,7 @@ from collections.abc import Hashable
 from http import HTTPStatus
 from typing import Any
 
-from uvicorn.protocols.http.auto import AutoHTTPProtocol
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from server.http.problems import problem
 
@@ -15,6 +15,9 @@ from server.http.problems import problem
 #: beginning; and for a body, besides what it takes at the least rate.
 HEAD_SECONDS = 10.0
 BODY_SECONDS = 30.0
+#: Bytes that a request's line and headers may have, and what comes between or behind the pieces of
+#: a body. The parser has no bound of its own, and the time it takes grows with the square.
+MOST_HEAD = 65_536
 #: Bytes a second, on average, of whoever sends a body.
 LEAST_RATE = 10_000.0
 #: Most connections of one address, and of all together, of whose requests none bore a good token
@@ -28,6 +31,8 @@ _TOO_SLOW = (
     f"the request's body came too slowly: {BODY_SECONDS:g} s and a second for every "
     f"{LEAST_RATE:g} bytes are waited for"
 )
+_TOO_LONG = f"the line and headers of a request may have {MOST_HEAD} bytes at most"
+_NO_HTTP = "what came is no HTTP request, by this protocol's own rules: use an HTTP client"
 
 
 class Strangers:
@@ -77,45 +82,78 @@ def strangers() -> Strangers:
     )
 
 
-class ImpatientProtocol(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
-    """Uvicorn's HTTP, which by itself waits for ever for a request that has not begun or ended."""
+class _TooLongError(Exception):
+    """A request's line and headers are longer than they may be."""
 
-    def connection_made(self, transport: asyncio.Transport) -> None:
+
+class ImpatientProtocol(HttpToolsProtocol):
+    """Uvicorn's HTTP, which by itself waits for ever for a request that has not begun or ended.
+
+    It also takes heads without end, and does nothing else meanwhile.
+    """
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to serve a connection; close another if there are too many."""
         super().connection_made(transport)
         #: Since when the peer owes the rest of a head or a body; None if it owes nothing.
         self._owes_since: float | None = self.loop.time()
         self._received = 0
-        others: Strangers = self.config.app.state.strangers
-        gone: Any = others.add(self, self.client[0] if self.client else "")
+        #: Bytes since a head was whole or a part of a body came.
+        self._fruitless = 0
+        self._too_long = False
+        gone: Any = self._strangers.add(self, self.client[0] if self.client else "")
         if gone is not None:
             gone.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget a connection."""
-        self.config.app.state.strangers.forget(self)
+        self._strangers.forget(self)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
         """Take what has arrived."""
         before = self.cycle
+        self._fruitless += len(data)
         super().data_received(data)
         cycle = self.cycle
         self._received += len(data)
         if cycle is not before:
             # Who shows a good token with this request is told so by `server.http.guards`.
-            cycle.scope["rehyb.connection"] = self
+            cycle.scope["rehyb.connection"] = self  # type: ignore[typeddict-unknown-key]
             self._owes_since = self.loop.time() if cycle.more_body else None
-            self._received = 0
+            self._received = self._fruitless = 0
         elif cycle is not None and not cycle.response_complete:
             if not cycle.more_body:
                 self._owes_since = None
         elif self._owes_since is None:
             self._owes_since, self._received = self.loop.time(), 0
+        if self._fruitless > MOST_HEAD and not self._too_long:
+            self._too_long = True
+            self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, _TOO_LONG)
+
+    def on_headers_complete(self) -> None:
+        """Begin to serve a request, unless its head is too long."""
+        # To add it up is for the few that come with so much; most of that is a body, as a rule.
+        if self._fruitless > MOST_HEAD and self._length_of_head() > MOST_HEAD:
+            self._too_long = True
+            raise _TooLongError
+        super().on_headers_complete()
+
+    def on_body(self, body: bytes) -> None:
+        """Take a part of a body."""
+        self._fruitless = 0
+        super().on_body(body)
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what the parser does not take, as everything is refused: with a problem."""
+        if self._too_long:
+            self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, _TOO_LONG)
+        else:
+            self._refuse(HTTPStatus.BAD_REQUEST, _NO_HTTP)
 
     def signed_in(self) -> None:
         """A request bore a good token."""
-        self.config.app.state.strangers.forget(self)
+        self._strangers.forget(self)
 
     def is_overdue(self, now: float) -> bool:
         """Say whether the peer has owed the rest of its request for too long."""
@@ -134,8 +172,26 @@ class ImpatientProtocol(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
         if self.cycle is None or self.cycle.response_started:
             self.transport.abort()
             return
-        answer = problem(HTTPStatus.REQUEST_TIMEOUT, _TOO_SLOW, headers={"Connection": "close"})
+        self._refuse(HTTPStatus.REQUEST_TIMEOUT, _TOO_SLOW)
+
+    def _refuse(self, status: HTTPStatus, detail: str) -> None:
+        """Say why, and close the connection; without a word if an answer is under way."""
+        cycle = self.cycle
+        if cycle is not None and cycle.response_started and not cycle.response_complete:
+            self.transport.abort()
+            return
+        answer = problem(status, detail, headers={"Connection": "close"})
         headers = (*self.server_state.default_headers, *answer.raw_headers)
         head = b"".join(b"%s: %s\r\n" % header for header in headers)
-        self.transport.write(b"HTTP/1.1 408 Request Timeout\r\n%s\r\n%s" % (head, answer.body))
+        first = f"HTTP/1.1 {status} {status.phrase}".encode()
+        self.transport.write(b"%s\r\n%s\r\n%s" % (first, head, answer.body))
         self.transport.close()
+
+    @property
+    def _strangers(self) -> Strangers:
+        app: Any = self.config.app
+        bounds: Strangers = app.state.strangers
+        return bounds
+
+    def _length_of_head(self) -> int:
+        return len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers)
