@@ -17,7 +17,7 @@ from sqlalchemy.engine import Connection, Engine
 from sqlalchemy.exc import ArgumentError
 
 from server.errors import BadSettingError
-from server.store.database.files import make_private
+from server.store.database.files import OpenedFile, open_sqlite
 from server.store.database.prepared import failure
 from server.store.database.presence import Presence
 
@@ -37,15 +37,10 @@ _WHOLE_NUMBERS = {
 }
 #: Writes what goes into columns of JSON: `json.dumps` would make a new encoder for every value.
 JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
-#: Seconds a transaction waits for another process to finish writing.
-BUSY_SECONDS = 30
 #: Seconds that a request waits for a row that another one changes, or for SQLite's file: a worker
 #: waits 30 s for an answer, and hears so before.
 LOCK_SECONDS = 20
 _IMMEDIATELY = "BEGIN IMMEDIATE"
-#: Pages (of 4 kB) of SQLite's write-ahead log. With its own 1000 a busy coordinator would wait for
-#: the disk every hundredth transaction.
-LOG_PAGES = 10_000
 
 
 def create_engine(
@@ -64,10 +59,12 @@ def create_engine(
         BadSettingError: there is no such kind of database, or the URL is none, names no file, or
             has options that no such database takes.
     """
+    found = of_known_kind(url)
+    file = OpenedFile(Path(str(found.database))) if found.drivername == "sqlite" else None
     engine = sa.create_engine(
-        of_known_kind(url),
+        found,
         json_serializer=JSON.encode,
-        execution_options={"writer": threading.Lock(), "presence": presence},
+        execution_options={"writer": threading.Lock(), "presence": presence, "file": file},
         pool_size=10,
         max_overflow=40,
         # The connection that wrote last knows the pages that the next one will want.
@@ -79,10 +76,10 @@ def create_engine(
     if engine.dialect.name == "postgresql":
         _check_server(engine)
     _close_what_comes_back_late(engine)
-    if engine.dialect.name == "sqlite":
-        file = Path(str(engine.url.database))
-        sa.event.listen(engine, "do_connect", lambda *_: make_private(file))
-        sa.event.listen(engine, "connect", _open_sqlite)
+    if file is not None:
+        sa.event.listen(engine, "do_connect", lambda *_: file.make_ready())
+        sa.event.listen(engine, "connect", open_sqlite)
+        sa.event.listen(engine, "connect", lambda *_: file.note())
         if durability == "full":
             sa.event.listen(
                 engine, "connect", lambda driver, _: driver.execute("PRAGMA synchronous = FULL")
@@ -182,6 +179,17 @@ def writing(engine: Engine) -> Iterator[Connection]:
             except sqlite3.Error as error:
                 raise failure(error, connection.dialect, _IMMEDIATELY, ()) from error
             yield connection
+            _require_there(engine)
+
+
+def _require_there(engine: Engine) -> None:
+    """Raise an error before what is to be committed would go to a file that nobody finds again."""
+    file: OpenedFile | None = engine.get_execution_options()["file"]
+    if file is not None:
+        try:
+            file.require_there()
+        except sqlite3.Error as error:
+            raise failure(error, engine.dialect, "COMMIT", ()) from error
 
 
 @contextmanager
@@ -282,8 +290,9 @@ class ImmediateWriter:
         try:
             connection = self._connected()
             with connection.begin():
-                _begin(connection, "BEGIN IMMEDIATE")
+                _begin(connection, _IMMEDIATELY)
                 yield connection
+                _require_there(self._engine)
         except BaseException:
             # A transaction whose commit failed would still be open.
             self.close()
@@ -333,19 +342,6 @@ def _close_what_comes_back_late(engine: Engine) -> None:
     sa.event.listen(engine, "checkin", look)
 
 
-def _open_sqlite(connection: Any, _record: Any) -> None:
-    """Set up one SQLite connection."""
-    # sqlite3 would open transactions by rules of its own; `_begin` does it instead.
-    connection.isolation_level = None
-    connection.execute(f"PRAGMA busy_timeout = {BUSY_SECONDS * 1000}")
-    _use_write_ahead_log(connection)
-    # Losing power may lose the last commits, never consistency: their instances are leased again.
-    connection.execute("PRAGMA synchronous = NORMAL")
-    # The log is copied into the file, and the disk waited for, when it has so many pages.
-    connection.execute(f"PRAGMA wal_autocheckpoint = {LOG_PAGES}")
-    connection.execute("PRAGMA foreign_keys = ON")
-
-
 def _connect_watched(
     _dialect: Any, _record: Any, given: Sequence[Any], named: Mapping[str, Any]
 ) -> Any:
@@ -368,19 +364,6 @@ def _wait_for_the_disk(connection: Any, _record: Any) -> None:
         "WHERE current_setting('synchronous_commit') = 'off'"
     )
     connection.commit()
-
-
-def _use_write_ahead_log(connection: Any) -> None:
-    """Switch to WAL; when several processes open a new file at once, SQLite does not wait here."""
-    deadline = time.monotonic() + BUSY_SECONDS
-    while True:
-        try:
-            connection.execute("PRAGMA journal_mode = WAL")
-            return
-        except sqlite3.OperationalError as error:
-            if "locked" not in str(error) or time.monotonic() > deadline:
-                raise
-            time.sleep(0.02)
 
 
 def _begin(connection: Connection, command: str, until: float | None = None) -> None:

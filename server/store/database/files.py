@@ -1,8 +1,17 @@
 """The files of SQLite databases, in which measured sessions of people are."""
 
 import os
+import sqlite3
+import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
+
+#: Seconds a transaction waits for another process to finish writing.
+BUSY_SECONDS = 30
+#: Pages (of 4 kB) of SQLite's write-ahead log. With its own 1000 a busy coordinator would wait for
+#: the disk every hundredth transaction.
+LOG_PAGES = 10_000
 
 
 def make_private(path: Path) -> None:
@@ -13,3 +22,71 @@ def make_private(path: Path) -> None:
     # One that is there is not even opened: to close it again would end SQLite's locks on it.
     with suppress(OSError):
         os.close(os.open(os.path.realpath(path), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
+
+
+class OpenedFile:
+    """Notices that a database's file is no longer at its path, where the next start looks for it.
+
+    SQLite goes on writing to a file that was moved or removed, and as this process ends all that
+    is written there meanwhile is lost.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._opened: tuple[int, int] | None = None
+
+    def make_ready(self) -> None:
+        """Make a file that is not there yet; one that is gone is not to be replaced."""
+        if self._opened is None:
+            make_private(self._path)
+        else:
+            self.require_there()
+
+    def note(self) -> None:
+        """Note which file it is, once it is open."""
+        if self._opened is None:
+            self._opened = self._there()
+
+    def require_there(self) -> None:
+        """Raise sqlite3.OperationalError, as SQLite has it, if the file is not at its path."""
+        if self._opened is None or self._there() == self._opened:
+            return
+        error = sqlite3.OperationalError(
+            "its file was moved, removed or replaced since it was opened: put it back, or start "
+            "again to use what is there now"
+        )
+        error.sqlite_errorcode = sqlite3.SQLITE_READONLY_DBMOVED
+        raise error
+
+    def _there(self) -> tuple[int, int] | None:
+        try:
+            found = self._path.stat()
+        except OSError:
+            return None
+        return found.st_dev, found.st_ino
+
+
+def open_sqlite(connection: Any, _record: Any) -> None:
+    """Set up one SQLite connection."""
+    # sqlite3 would open transactions by rules of its own; `engine` does it instead.
+    connection.isolation_level = None
+    connection.execute(f"PRAGMA busy_timeout = {BUSY_SECONDS * 1000}")
+    use_write_ahead_log(connection)
+    # Losing power may lose the last commits, never consistency: their instances are leased again.
+    connection.execute("PRAGMA synchronous = NORMAL")
+    # The log is copied into the file, and the disk waited for, when it has so many pages.
+    connection.execute(f"PRAGMA wal_autocheckpoint = {LOG_PAGES}")
+    connection.execute("PRAGMA foreign_keys = ON")
+
+
+def use_write_ahead_log(connection: Any) -> None:
+    """Switch to WAL; when several processes open a new file at once, SQLite does not wait here."""
+    deadline = time.monotonic() + BUSY_SECONDS
+    while True:
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+            return
+        except sqlite3.OperationalError as error:
+            if "locked" not in str(error) or time.monotonic() > deadline:
+                raise
+            time.sleep(0.02)

@@ -32,11 +32,13 @@ _PASSING = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_FULL, sqlite3.SQLITE_I
 def is_away(error: DBAPIError) -> bool:
     """Say whether a request failed because the database is away, full or overrun.
 
-    SQLite is a file: what counts is that its disk is full or fails, or that another process has it.
+    SQLite is a file: what counts is that its disk is full or fails, that another process has it, or
+    that it is not where it was.
     """
     if isinstance(error.orig, sqlite3.Error):
+        code = getattr(error.orig, "sqlite_errorcode", 0)
         # The low byte is the kind, the others say more (sqlite.org/rescode.html).
-        return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in _PASSING
+        return code & 0xFF in _PASSING or code == sqlite3.SQLITE_READONLY_DBMOVED
     return isinstance(error, OperationalError | InterfaceError) or takes_no_writes(error)
 
 

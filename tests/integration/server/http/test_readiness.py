@@ -5,6 +5,7 @@ import sqlite3
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
@@ -15,7 +16,7 @@ from sqlalchemy.engine import Engine
 from server.app import create_app
 from server.operations import tokens
 from server.operations.fleet.sweep import SWEEP_SECONDS
-from server.operations.readiness import LOOK_SECONDS, Readiness
+from server.operations.readiness import GOOD_SECONDS, LOOK_SECONDS, Readiness
 from server.settings import Settings
 from server.store.database.engine import writing
 from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, is_problem, posting, result
@@ -159,6 +160,35 @@ def test_a_database_that_does_not_answer_in_time_is_not_ready_until_it_does(
     while asyncio.run(readiness.objection()) is not None:
         assert time.monotonic() < deadline
     readiness.close()
+
+
+@on_sqlite
+@pytest.mark.parametrize("instead", [False, True])
+def test_while_its_file_is_elsewhere_it_is_not_ready_and_takes_nothing_that_would_be_lost(
+    client: TestClient, engine: Engine, instead: bool
+) -> None:
+    client.post("/v1/studies", json={**STUDY, "rows": 20})
+    lease = client.post("/v1/leases", json=asking(max_instances=4)).json()
+    body = posting(lease, [result(one) for one in lease["instances"]])
+    path = Path(str(engine.url.database))
+    path.rename(path.with_name("gone"))
+    if instead:
+        path.touch()
+    time.sleep(GOOD_SECONDS)
+    assert "its file was moved, removed or replaced since it was opened" in said(client)
+    for answer in (
+        client.post("/v1/results", json=body),
+        client.post("/v1/leases", json=asking()),
+        client.post("/v1/studies", json=STUDY),
+    ):
+        assert is_problem(answer, 503)
+    # Nor is a new one made in its place.
+    assert path.exists() is instead
+    path.with_name("gone").rename(path)
+    assert client.post("/v1/results", json=body).status_code == 200
+    assert client.post("/v1/leases", json=asking()).status_code == 201
+    assert said(client) == ""
+    assert len(client.get("/v1/studies").json()["studies"]) == 1
 
 
 def no_room_for_results(engine: Engine, yes: bool) -> None:

@@ -11,7 +11,8 @@ from sqlalchemy.engine import Engine
 
 from server.errors import SchemaError
 from server.store import create_engine, require_current, upgrade
-from server.store.database.engine import _use_write_ahead_log, writing
+from server.store.database.engine import writing
+from server.store.database.files import use_write_ahead_log
 from server.store.database.schema import metadata
 
 
@@ -96,8 +97,8 @@ def test_opening_a_file_that_others_just_make_is_tried_again() -> None:
                 raise sqlite3.OperationalError(self.error)
 
     busy, damaged = Busy("database is locked"), Busy("file is not a database")
-    _use_write_ahead_log(busy)
+    use_write_ahead_log(busy)
     assert busy.asked == 3
     with pytest.raises(sqlite3.OperationalError, match="not a database"):
-        _use_write_ahead_log(damaged)
+        use_write_ahead_log(damaged)
     assert damaged.asked == 1

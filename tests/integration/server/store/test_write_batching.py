@@ -180,7 +180,7 @@ def test_who_writes_for_long_keeps_no_event_loop_waiting(
 def test_sqlite_s_log_is_copied_into_the_file_now_and_then(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("server.store.database.engine.LOG_PAGES", 20)
+    monkeypatch.setattr("server.store.database.files.LOG_PAGES", 20)
     monkeypatch.setattr("server.store.database.write_batching.UPKEEP", 10)
     engine = create_engine(f"sqlite:///{tmp_path}/told.sqlite3")
     with writing(engine) as connection:
