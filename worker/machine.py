@@ -46,8 +46,9 @@ def new_id(group: str) -> str:
     """
     if group and not _GROUP.fullmatch(group):
         raise Invalid(f"REHYB_WORKER_GROUP is up to 40 letters, digits and ._-, not {group[:60]!r}")
-    # A host may be called anything; an @ is after a group only.
-    host = re.sub(r"[^A-Za-z0-9._-]", "-", socket.gethostname())
+    # A host may be called anything; an @ is after a group only, and a coordinator takes no id that
+    # begins with a dash.
+    host = re.sub(r"[^A-Za-z0-9._-]", "-", socket.gethostname()).lstrip("-") or "host"
     made = f"{host}-{os.getpid()}-{secrets.token_hex(3)}"
     return f"{group}@{made}" if group else made
 

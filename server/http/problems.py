@@ -22,6 +22,7 @@ from server.errors import (
     InvalidStudyError,
     NotFoundError,
 )
+from server.http.texts import wanted
 from server.store.database.presence import why_away
 
 log = logging.getLogger(__name__)
@@ -186,6 +187,8 @@ def _fault(item: Mapping[str, Any]) -> tuple[str, str]:
         return "", "the body is empty; send a JSON object"
     if kind in _NO_OBJECT:
         detail = "must be a JSON object"
+    if kind == "string_pattern_mismatch":
+        detail = wanted(item["ctx"]["pattern"])
     # Of a key pydantic writes this behind it, which the request does not have; a key that is called
     # so differs by what is at fault, unless that is half of a character.
     if place[-1] == "[key]" and (item.get("input") == place[-2] or kind == "string_unicode"):

@@ -22,6 +22,7 @@ from starlette.types import Message, Receive, Scope, Send
 
 from analysis.json_values import key_twice
 from server.http.encodings import is_json
+from server.http.texts import NO_FORMULA, PRINTABLE
 from server.logic.conditional_requests import is_known
 from server.logic.fleet.unserved import Patience
 from server.metrics import Metrics
@@ -257,11 +258,10 @@ RowPatience = Annotated[Patience, _of_app("patience")]
 Measures = Annotated[Metrics, _of_app("metrics")]
 Now = Annotated[float, Depends(_moment)]
 
-#: One line without control characters, which PostgreSQL and terminals would stumble over.
-PRINTABLE = r"^[^\x00-\x1f\x7f]+$"
-
 #: A name somebody gave to something: one line, no control characters.
 Name = Annotated[str, StringConstraints(min_length=1, max_length=128, pattern=PRINTABLE)]
+#: A worker's id, which stands in tables of results.
+WorkerId = Annotated[str, StringConstraints(min_length=1, max_length=128, pattern=NO_FORMULA)]
 #: What `rehyb bank show` calls a bank.
 BankId = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{12}$")]
 #: Identifiers in a path.

@@ -27,6 +27,7 @@ from server.routes.common import (
     Now,
     Route,
     Store,
+    WorkerId,
     as_json,
     example,
 )
@@ -49,7 +50,7 @@ Most = Annotated[int, Field(ge=1, le=1000)]
 class WorkerBody(Body):
     """Who asks."""
 
-    id: Name
+    id: WorkerId
     host: Annotated[str, StringConstraints(max_length=255, pattern=r"^[^\x00-\x1f]*$")]
     versions: dict[Name, Name] = Field(default_factory=dict, max_length=50)
     tags: list[Name] = Field(default_factory=list, max_length=20)

@@ -5,10 +5,11 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 
+from server.http.texts import PRINTABLE
 from server.logic.fleet.comparisons import Reputation
 from server.operations.fleet import comparisons
 from server.operations.fleet import work as of_work
-from server.routes.common import PRINTABLE, Now, Route, Store
+from server.routes.common import Now, Route, Store
 from server.store.database.engine import reading
 from server.store.fleet import workers
 

@@ -18,6 +18,7 @@ from sqlalchemy.engine import Engine
 from analysis.designs import DEFAULT_SAMPLING
 from analysis.json_values import is_finite_number
 from models.curves import names_of
+from server.http.texts import PRINTABLE
 from server.logic.json_values import is_unicode
 from server.logic.study.plans import FactorChoice, draw_up, refuse_outside_range
 from server.logic.study.points import parameters
@@ -29,7 +30,6 @@ from server.operations.study import precision_goals, reruns, studies
 from server.records import PrecisionGoal, Study
 from server.routes.common import (
     MAX_INTEGER,
-    PRINTABLE,
     Body,
     Id,
     Name,

@@ -143,6 +143,10 @@ def test_whatever_a_host_is_called_the_id_of_its_worker_names_no_other_group_and
 ) -> None:
     monkeypatch.setattr(socket, "gethostname", lambda: "day@../höhle")
     assert new_id("").startswith("day-..-h-hle-")
+    monkeypatch.setattr(socket, "gethostname", lambda: "änne")
+    assert new_id("").startswith("nne-")
+    monkeypatch.setattr(socket, "gethostname", lambda: "é")
+    assert new_id("").startswith("host-")
 
 
 @pytest.mark.parametrize("group", ["../x", "a b", "-a", "a" * 41])

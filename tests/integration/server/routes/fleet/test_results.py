@@ -20,7 +20,15 @@ from server.logic.fleet.hosts import host_class
 from server.logic.study.progress import UNSEEN_SECONDS
 from server.operations.fleet import leases
 from server.operations.study.result_log import StoreResultLog
-from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, is_problem, posting, result
+from tests.testbed.coordinators.rest_bodies import (
+    STUDY,
+    Json,
+    asking,
+    faults_of,
+    is_problem,
+    posting,
+    result,
+)
 
 JSON = {"Content-Type": "application/json"}
 
@@ -79,6 +87,25 @@ def test_without_work_a_worker_is_told_when_to_ask_again(client: TestClient) -> 
 @pytest.mark.parametrize("changes", [{"max_instances": 0}, {"max_instances": 1001}, {"models": []}])
 def test_a_greedy_or_empty_request_for_work_is_refused(client: TestClient, changes: Json) -> None:
     is_problem(client.post("/v1/leases", json=asking(**changes)), 422)
+
+
+@pytest.mark.parametrize("id_", ["=cmd|' /C calc'!A0", "+1", "-1+2", "@SUM(A1)", "\tx", "\rx"])
+def test_a_worker_whose_id_a_spreadsheet_would_compute_is_refused(
+    client: TestClient, id_: str
+) -> None:
+    asked = asking(worker={"id": id_, "host": "h"})
+    posted = {**posting({"id": "l", "fence": 1}, []), "next": asked}
+    for path, body, where in (
+        ("/v1/leases", asked, "/worker/id"),
+        ("/v1/results", posted, "/next/worker/id"),
+    ):
+        faults = dict(faults_of(client.post(path, json=body)))
+        assert faults[where] == (
+            "must be one line without control characters that begins with none of = + - @, which "
+            "is a formula in spreadsheets"
+        )
+    good = asking(worker={"id": "lab-2@pc7-4711 =1", "host": "h"})
+    assert client.post("/v1/leases", json=good).status_code == 204
 
 
 def test_a_lease_is_renewed_released_and_then_gone(

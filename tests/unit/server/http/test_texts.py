@@ -1,0 +1,26 @@
+"""What a text should be is said in words, not in patterns."""
+
+import re
+
+import pytest
+
+from server.http.texts import NO_FORMULA, PRINTABLE, wanted
+
+
+@pytest.mark.parametrize(
+    ("pattern", "said"),
+    [
+        (PRINTABLE, "must have no control characters in it"),
+        (r"^[^\x00-\x08\x0b\x0c\x0e-\x1f\x7f]+$", "must have no control characters in it"),
+        (r"^[^\x00-\x1f\x7f/\\]+$", r"must have neither control characters nor / or \ in it"),
+        (r"^[0-9a-f]{12}$", "must match ^[0-9a-f]{12}$"),
+    ],
+)
+def test_what_is_wanted_of_a_text_is_said_in_words(pattern: str, said: str) -> None:
+    assert wanted(pattern) == said
+
+
+@pytest.mark.parametrize("text", ["=1", "+1", "-1", "@a", "\ta", "a\nb", "a\x7f", ""])
+def test_what_a_spreadsheet_computes_is_no_id(text: str) -> None:
+    assert not re.search(NO_FORMULA, text)
+    assert re.search(NO_FORMULA, "a=+-@") and "none of = + - @" in wanted(NO_FORMULA)
