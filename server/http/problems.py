@@ -14,6 +14,7 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as NoConnectionError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
+from starlette.routing import Match, Route
 
 from server.errors import (
     BadFileError,
@@ -99,11 +100,14 @@ def install(app: FastAPI) -> None:
         return _not_taken(_faults(error.errors()))
 
     @app.exception_handler(HTTPException)
-    def http(_request: Request, error: HTTPException) -> JSONResponse:
+    def http(request: Request, error: HTTPException) -> JSONResponse:
         if isinstance(error.__cause__, RecursionError | ValueError):
             # FastAPI read a body and does not say what was wrong.
             return _not_taken([_entry("", f"the body is not JSON: {_flaw(error.__cause__)}")])
-        return problem(error.status_code, str(error.detail), headers=error.headers)
+        headers = dict(error.headers or {})
+        if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+            headers["Allow"] = ", ".join(_allowed(request))
+        return problem(error.status_code, str(error.detail), headers=headers)
 
     @app.exception_handler(ClientDisconnect)
     def left(_request: Request, _error: Exception) -> JSONResponse:
@@ -123,6 +127,16 @@ def install(app: FastAPI) -> None:
             HTTPStatus.INTERNAL_SERVER_ERROR,
             "the coordinator failed to answer; its log says why",
         )
+
+
+def _allowed(request: Request) -> list[str]:
+    """Return the methods of all routes that a path fits: each by itself tells its own only."""
+    fitting = (
+        route
+        for route in request.app.router.routes
+        if isinstance(route, Route) and route.matches(request.scope)[0] is not Match.NONE
+    )
+    return sorted({method for route in fitting for method in route.methods or ()})
 
 
 def unless_away(error: Exception) -> JSONResponse:

@@ -53,6 +53,24 @@ def test_what_is_known_is_taken_and_a_wrong_method_stays_one(client: TestClient)
     assert client.put("/v1/studies?x=1").status_code == 405
 
 
+@pytest.mark.parametrize(
+    ("method", "path", "allowed"),
+    [
+        ("DELETE", "/v1/studies", "GET, POST"),
+        ("OPTIONS", "/v1/studies", "GET, POST"),
+        ("PATCH", "/v1/studies/s", "DELETE, GET"),
+        ("GET", "/v1/studies/s/precision", "DELETE, POST"),
+        ("GET", "/v1/results", "POST"),
+        ("POST", "/healthz", "GET"),
+    ],
+)
+def test_a_wrong_method_is_told_all_that_are_right(
+    client: TestClient, method: str, path: str, allowed: str
+) -> None:
+    refused = client.request(method, path)
+    assert (refused.status_code, refused.headers["allow"]) == (405, allowed)
+
+
 def test_pages_ignore_what_they_do_not_know(client: TestClient) -> None:
     assert client.get("/sign-in?next=%2F&x=1").status_code == 200
     assert client.get("/?x=1").status_code == 200
