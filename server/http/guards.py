@@ -167,7 +167,7 @@ class BodyLimit:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        limit, refusal = MAX_BODY_BYTES, _TOO_LARGE
+        limit, refusal = MAX_BODY_BYTES, _too_large(scope["path"])
         if scope["method"] == "POST" and _LARGE.fullmatch(scope["path"]):
             limit = self._large + ENVELOPE_BYTES
             refusal = upload_too_large(self._large)
@@ -213,7 +213,11 @@ async def _drained(receive: Receive) -> None:
 
 #: Requests that bring files.
 _LARGE = re.compile(r"/v1/sessions|/v1/models|/v1/analyses|/v1/close-loops/[^/]+/report")
-_TOO_LARGE = f"a request may have {MAX_BODY_BYTES} bytes at most: post results in smaller batches"
+
+
+def _too_large(path: str) -> str:
+    instead = ": post results in smaller batches" if path == "/v1/results" else ""
+    return f"a request may have {MAX_BODY_BYTES} bytes at most{instead}"
 
 
 def upload_too_large(limit: int) -> str:

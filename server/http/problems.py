@@ -23,6 +23,7 @@ from server.errors import (
     InvalidStudyError,
     NotFoundError,
 )
+from server.http.bodies import body_of_route, known_keys
 from server.http.texts import wanted
 from server.store.database.presence import why_away
 
@@ -97,7 +98,7 @@ def install(app: FastAPI) -> None:
             said = f"'s Content-Type is {kind}" if kind else " has no Content-Type"
             why = f"the request{said}: send application/json"
             return problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, why)
-        return _not_taken(_faults(error.errors()))
+        return _not_taken(_faults(error.errors(), body_of_route(request.scope.get("route"))))
 
     @app.exception_handler(HTTPException)
     def http(request: Request, error: HTTPException) -> JSONResponse:
@@ -177,11 +178,16 @@ def _flaw(error: RecursionError | ValueError) -> str:
     return f"a whole number in it has more than {sys.get_int_max_str_digits()} digits"
 
 
-def _faults(errors: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
-    """Return validation errors as entries of `errors`, of each place one."""
+def _faults(errors: Sequence[Mapping[str, Any]], body: Any) -> list[dict[str, str]]:
+    """Return validation errors as entries of `errors`, of each place one.
+
+    `body`: the type of the body that was wanted; None: of none.
+    """
     told: dict[str, list[str]] = {}
     for item in errors:
         pointer, detail = _fault(item)
+        if item["type"] == "extra_forbidden" and (known := known_keys(body, item["loc"][1:-1])):
+            detail = f"is not known here: there are {', '.join(known)}"
         if detail not in (there := told.setdefault(pointer, [])):
             there.append(detail)
     return [_entry(pointer, "; ".join(details)) for pointer, details in told.items()]

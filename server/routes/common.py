@@ -6,7 +6,7 @@ from codecs import BOM_UTF8
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from http import HTTPStatus
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from fastapi import Depends, Header, Path, Request, Response
 from fastapi.dependencies.utils import get_flat_params
@@ -155,7 +155,9 @@ class Route(APIRoute):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         known = get_flat_params(self.dependant)
-        self._known = [one.alias for one in known if isinstance(one.field_info, Query)]
+        queries = [one for one in known if isinstance(one.field_info, Query)]
+        self._known = [one.alias for one in queries]
+        self._once = {one.alias for one in queries if not _is_list(one.field_info.annotation)}
         described = "requestBody" in (self.openapi_extra or {})
         self._takes_body = self.body_field is not None or described
 
@@ -171,10 +173,13 @@ class Route(APIRoute):
 
     def _refuse_unknown(self, query: QueryParams) -> None:
         why = f"no such query parameter: this route knows {', '.join(self._known) or 'none'}"
-        unknown = [name for name in query if name not in self._known]
-        if unknown:
+        wrong = {name: why for name in query if name not in self._known}
+        for name in self._once:
+            if len(query.getlist(name)) > 1:
+                wrong[name] = "comes twice, and is one value: leave out one"
+        if wrong:
             raise RequestValidationError(
-                [{"type": "unknown", "loc": ("query", name), "msg": why} for name in unknown]
+                [{"type": "unknown", "loc": ("query", n), "msg": why} for n, why in wrong.items()]
             )
 
     async def _without_body(self, receive: Receive) -> Receive:
@@ -190,6 +195,11 @@ class Route(APIRoute):
             return read.pop() if read else await receive()
 
         return again
+
+
+def _is_list(kind: Any) -> bool:
+    """Say whether a type is a list, or may be one."""
+    return get_origin(kind) is list or any(_is_list(part) for part in get_args(kind))
 
 
 #: Bodies that say nothing, as some clients send them with every request.

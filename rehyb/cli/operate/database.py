@@ -25,6 +25,14 @@ LOOK_SECONDS = 1.0
 
 #: What SQLite answers where it may not write, or cannot; it does not say to what.
 _NOT_WRITABLE = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
+#: And of a file whose pages are damaged.
+_DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+
+#: What to do about it.
+_WHAT_NOW = (
+    "stop the coordinator and its analysis, and go back to a copy of `rehyb db backup` by "
+    "`rehyb db restore`"
+)
 
 app = typer.Typer(help="The coordinator's database.", no_args_is_help=True)
 
@@ -86,6 +94,8 @@ def check() -> Answer:
     with opened() as engine:
         found = checks.faults(engine)
     text = "\n".join(found) or "the database is whole"
+    if any(fault.startswith("the file is damaged") for fault in found):
+        text += f"\n{_file(_url())}: {_WHAT_NOW}"
     return Answer({"faults": found}, text, status=1 if found else 0)
 
 
@@ -206,6 +216,10 @@ def _url() -> str:
     return os.environ.get("REHYB_DATABASE_URL", default)
 
 
+def _file(url: str) -> Path:
+    return Path(url.removeprefix("sqlite:///")).absolute()
+
+
 @contextmanager
 def in_one_sentence(url: str | None = None) -> Iterator[None]:
     """Turn what the server raises at start into this command's errors.
@@ -226,7 +240,9 @@ def in_one_sentence(url: str | None = None) -> Iterator[None]:
     except SQLAlchemyError as error:
         orig = getattr(error, "orig", None)
         cause = str(orig or error).splitlines()[0]
-        if getattr(orig, "sqlite_errorcode", 0) & 0xFF in _NOT_WRITABLE:
-            file = Path((url or _url()).removeprefix("sqlite:///")).absolute()
+        code, file = getattr(orig, "sqlite_errorcode", 0) & 0xFF, _file(url or _url())
+        if code in _NOT_WRITABLE:
             cause = f"{file}: {cause}; SQLite writes beside a file that it reads, too"
+        if code in _DAMAGED:
+            raise RehybError(f"{file} is damaged ({cause}): {_WHAT_NOW}") from error
         raise RehybError(f"the database cannot be used: {cause}") from error

@@ -53,6 +53,11 @@ def precision_goal(
         raise InvalidStudyError(
             f"{pointer}/up_to", f"up_to must lie between 1 and {MAX_ROWS} rows, not {up_to}"
         )
+    if up_to < plan.rows:
+        raise InvalidStudyError(
+            f"{pointer}/up_to",
+            f"up_to must be {plan.rows} or more, the rows that the study has already, not {up_to}",
+        )
     if plan.method == "surrogate" and up_to > MOST_RUNS:
         raise InvalidStudyError(
             f"{pointer}/up_to",

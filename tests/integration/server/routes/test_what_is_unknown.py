@@ -8,7 +8,7 @@ from fastapi.routing import APIRoute
 from fastapi.testclient import TestClient
 
 from server.routes.common import Route
-from tests.testbed.coordinators.rest_bodies import STUDY, faults_of
+from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, faults_of
 
 SAID = "no such query parameter: this route knows "
 
@@ -45,6 +45,53 @@ def test_an_unknown_name_is_named_with_those_that_are_known(
 ) -> None:
     refused = client.request(method, path)
     assert faults_of(refused) == [(f"/query/{name}", SAID + known) for name in unknown]
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "twice"),
+    [
+        ("GET", "/v1/work?group=a&group=b", "group"),
+        ("GET", "/v1/studies/s/instances?state=failed&limit=1&limit=2", "limit"),
+    ],
+)
+def test_a_name_that_comes_twice_is_refused_where_one_value_is_wanted(
+    client: TestClient, method: str, path: str, twice: str
+) -> None:
+    said = "comes twice, and is one value: leave out one"
+    assert faults_of(client.request(method, path)) == [(f"/query/{twice}", said)]
+    table = "a,b,y\n" + "".join(f"{n % 7},{n % 11},{n % 13}\n" for n in range(80))
+    several = client.post(
+        "/v1/analyses?output=y&output=a&factor=b",
+        content=table,
+        headers={"Content-Type": "text/csv"},
+    )
+    assert "comes twice" not in several.text
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "where", "known"),
+    [
+        ("/v1/studies/s/precision", {"upto": 9}, "/upto", "output, target, up_to"),
+        (
+            "/v1/studies",
+            {**STUDY, "precision": {"to": 1}},
+            "/precision/to",
+            "output, target, up_to",
+        ),
+        ("/v1/leases", asking(max=1), "/max", "worker, models, max_instances, at_most"),
+        (
+            "/v1/leases",
+            asking(worker={"id": "w", "host": "h", "name": "n"}),
+            "/worker/name",
+            "id, host, versions, tags, canaries, refused",
+        ),
+    ],
+)
+def test_of_an_unknown_key_those_that_are_known_are_told(
+    client: TestClient, path: str, body: Json, where: str, known: str
+) -> None:
+    faults = dict(faults_of(client.post(path, json=body)))
+    assert faults[where] == f"is not known here: there are {known}"
 
 
 def test_what_is_known_is_taken_and_a_wrong_method_stays_one(client: TestClient) -> None:

@@ -218,6 +218,11 @@ def test_a_goal_goes_with_its_study_and_is_refused_where_there_is_none(
         ({"output": "z"}, "/precision/output", "has no output 'z': it has y"),
         ({"target": 0.0}, "/precision/target", "positive half width"),
         ({"up_to": 0}, "/precision/up_to", "between 1 and"),
+        (
+            {"up_to": 1},
+            "/precision/up_to",
+            "must be 2 or more, the rows that the study has already",
+        ),
     ],
 )
 def test_a_goal_that_is_none_is_refused(

@@ -47,8 +47,8 @@ def test_a_goal_is_settled_when_this_edition_was_judged_or_the_study_cancelled(
 
 
 def test_a_goal_is_for_the_first_output_unless_told_otherwise(plan: Callable[..., Plan]) -> None:
-    assert precision_goals.precision_goal(plan(), output=None, target=None, up_to=1) == (
-        PrecisionGoal(output="y", target=None, up_to=1)
+    assert precision_goals.precision_goal(plan(), output=None, target=None, up_to=2) == (
+        PrecisionGoal(output="y", target=None, up_to=2)
     )
     asked = precision_goals.precision_goal(plan(), output="y", target=1e-9, up_to=MAX_ROWS)
     assert asked == PrecisionGoal(output="y", target=1e-9, up_to=MAX_ROWS)
