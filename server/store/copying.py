@@ -38,6 +38,23 @@ def copy(source: Engine, target: Engine, on_table: Callable[[str, int], None]) -
         _go_on_counting(old, new)
 
 
+def others_at(source: Engine) -> int:
+    """Return how many other sessions have a database open; of SQLite 0, where a lock tells.
+
+    Coordinators and an analysis keep theirs open, idle or not. Whose they are PostgreSQL does not
+    know.
+    """
+    if source.dialect.name == "sqlite":
+        return 0
+    with reading(source) as connection:
+        # The server's own, as of a vacuum, are nobody's.
+        query = (
+            "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() "
+            "AND pid <> pg_backend_pid() AND usename IS NOT NULL"
+        )
+        return int(connection.scalar(sa.text(query)) or 0)
+
+
 def _copy_table(old: Connection, new: Connection, table: sa.Table) -> int:
     count = 0
     statement = _adding(table, new.dialect.name)

@@ -119,6 +119,7 @@ def copy(
         from server.operations import check as checks
         from server.store import create_engine, upgrade
         from server.store.copying import copy as copied
+        from server.store.copying import others_at
 
     _check_there(_url())
     counts: dict[str, int] = {}
@@ -134,13 +135,21 @@ def copy(
         except ModuleNotFoundError as error:
             raise Invalid(f"{target!r} needs the extra postgresql: {error}") from None
         try:
+            others = others_at(source)
             copied(source, engine, counts.__setitem__)
             found = checks.faults(engine)
         finally:
             engine.dispose()
     rows = ", ".join(f"{count} {table}" for table, count in counts.items() if count)
     text = "\n".join(found) or f"copied and whole: {rows or 'nothing'}"
-    return Answer({"rows": counts, "faults": found}, text, status=1 if found else 0)
+    if others:
+        text += (
+            f"\nsessions that had the database open meanwhile: {others}. What they wrote since the "
+            "copy began is not in it: if a coordinator or an analysis is among them, stop it and "
+            "copy again, into an empty database"
+        )
+    answer = {"rows": counts, "faults": found, "other_sessions": others}
+    return Answer(answer, text, status=1 if found else 0)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -133,6 +134,7 @@ def test_the_command_copies_and_checks_and_says_what_is_wrong_in_a_sentence(
     status, out, _ = run(target)
     assert status == 0
     assert json.loads(out)["faults"] == [] and json.loads(out)["rows"]["results"] == 16
+    assert json.loads(out)["other_sessions"] == 0
     for wrong, words in (
         (target, "the target is not empty: it has"),
         ("nonsense", "the one that begins with 'nonsense' cannot be used"),
@@ -143,3 +145,29 @@ def test_the_command_copies_and_checks_and_says_what_is_wrong_in_a_sentence(
         assert status in (1, 2) and words in err and len(err.splitlines()) == 1, err
     with instance_lock(url):
         assert "another coordinator serves" in run(f"sqlite:///{tmp_path / 'other.sqlite3'}")[2]
+
+
+def test_of_a_postgresql_that_others_have_open_it_is_said_that_the_copy_may_lack_something(
+    upgraded_database: Callable[[], str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    url = upgraded_database()
+    monkeypatch.setenv("REHYB_DATABASE_URL", url)
+
+    def said(name: str, *options: str) -> str:
+        target = f"sqlite:///{tmp_path / name}"
+        monkeypatch.setattr("sys.argv", ["rehyb", "db", "copy", target, *options])
+        with suppress(SystemExit):
+            main()
+        return capsys.readouterr().out
+
+    # Whoever empties the database between tests has it open.
+    before = json.loads(said("alone", "--json"))["other_sessions"]
+    coordinator = create_engine(url)
+    with reading(coordinator):
+        pass
+    told = said("beside another")
+    coordinator.dispose()
+    assert f"sessions that had the database open meanwhile: {before + 1}. What they wrote" in told
