@@ -54,10 +54,10 @@ def hidden_effects(
     known = {candidate.key for candidate in model.effects}
     ground = known | {term.at.key for term in model.terms if term.effect is not None}
     estimate = estimate_of(model, coefficients)
-    # What was found may make room for it by another form: a softer cuff for a gain. (Opponent.)
-    free = freed(model, coefficients, rows)
-    # A load beside its line is nearly a spring, and with that takes a gain in whole. (Another's.)
-    all_free = freed(model, coefficients, rows, LEAST_OWN)
+    # What was found may make room for it by another form: a softer cuff for a gain. And a load
+    # beside its line is nearly a spring: that of another place takes a gain in whole, or a cubic
+    # spring, however little of its own slope shows. (Opponents': K was 128 % off, and sure of it.)
+    free = freed(model, coefficients, rows, LEAST_OWN)
     found: dict[int, list[Hidden]] = {joint: [] for joint in limbs}
     for candidate in candidates(model.recording):
         effect, joint = candidate.effect, candidate.joint
@@ -76,7 +76,7 @@ def hidden_effects(
             continue
         recorded = RecordedJoint(model.recording, joint, estimate)
         reaches = [
-            _reach(all_free if effect.scales_effort else free, rows, stiffness, effect, columns)
+            _reach(free, rows, stiffness, effect, columns)
             for columns in _variants(effect, recorded)
             if columns
         ]
@@ -108,6 +108,8 @@ def _reach(
     columns: Columns,
 ) -> float:
     """Return how far an effect could move a joint's stiffness and not be seen, Nm/rad or N/m.
+
+    At most by all of it: then nothing is known of it.
 
     Args:
         model: the effect is not in it; what is may change its form.
@@ -141,7 +143,7 @@ def _reach(
         gains = [effect.gain(np.array([share])) for share in (-MOST, MOST)]
         least = abs(value) * max(abs(gain - 1.0) for gain in gains)
     if not kept:
-        return least
+        return min(abs(value), least)
     bread = np.linalg.pinv(table.T @ table)
     target = model.target(rows)
     beside = bread @ (table.T @ target)
@@ -149,7 +151,7 @@ def _reach(
     count = int(seconds.max()) + 1
     largest = float(most[list(kept)].sum())
     if count <= table.shape[1]:
-        return max(least, largest)
+        return min(abs(value), max(least, largest))
     scores = np.zeros((count, table.shape[1]))
     np.add.at(scores, seconds, table * (target - table @ beside)[:, None])
     own = slice(base.shape[1], None)
@@ -163,7 +165,7 @@ def _reach(
     spread = slope @ bread @ scores.T
     error = float(np.sqrt(count / (count - table.shape[1]) * (spread @ spread)))
     moved = abs(float(beside[place]) * gain - value) + float(norm.ppf(0.95)) * error
-    return max(least, min(moved, largest) if not effect.scales_effort else moved)
+    return min(abs(value), max(least, moved if effect.scales_effort else min(moved, largest)))
 
 
 def _stiffness(model: Model, coefficients: np.ndarray, joint: int) -> tuple[int, float] | None:

@@ -13,11 +13,12 @@ from analysis.closeloop.identification.balance.model import (
     unfitted,
 )
 from analysis.closeloop.identification.balance.regression import Rows, select_rows
-from analysis.closeloop.judgement.identified import _reach, hidden_effects
+from analysis.closeloop.judgement.identified import _reach, _variants, hidden_effects
 from analysis.closeloop.session.contents import DeclaredEffect
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
 from sim.effects.motion import RecordedJoint
+from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import ELBOW, TRUTH, added
 
 
@@ -97,3 +98,25 @@ def test_a_gain_is_hidden_beside_a_load_that_may_hang_beside_its_line(
     hidden = hidden_effects(found, coefficients, rows)[ELBOW]
     (by,) = (one.by for one in hidden if one.effect.name == "torque_gain")
     assert by == pytest.approx(0.25 * coefficients[0])
+
+
+def test_a_spring_that_hardens_is_hidden_beside_a_load_that_may_hang_anywhere(
+    recording: Recording,
+) -> None:
+    """Weight of any size and place is nearly one: an opponent's K was 128 % off, and it 1.6 %."""
+    time = np.arange(8000) / 200.0
+    swings = 0.3 * np.sin(0.9 * time) + 0.2 * np.sin(2.3 * time)
+    narrow = moved(recording, np.column_stack([0.0 * time, 1.2 + swings]), 200.0)
+    found, rows = limb_with("payload", narrow)
+    coefficients = evaluate(found, rows).coefficients
+    spring, stiffness = BY_NAME["nonlinear_stiffness"], float(coefficients[0])
+    recorded = RecordedJoint(found.recording, ELBOW, estimate_of(found, coefficients))
+    held = max(
+        _reach(found, rows, (0, stiffness), spring, columns)
+        for columns in _variants(spring, recorded)
+    )
+    assert held < 0.1 * stiffness
+    hidden = hidden_effects(found, coefficients, rows)[ELBOW]
+    (by,) = (one.by for one in hidden if one.effect is spring)
+    # Nothing is known of it, and "forty times" would tell nobody more.
+    assert by == pytest.approx(stiffness)
