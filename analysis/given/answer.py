@@ -15,6 +15,7 @@ from analysis.given.dependence import related
 from analysis.given.hsic import hsic
 from analysis.given.measures import MEASURES, Measure, standard
 from analysis.given.reading import read_sheet
+from analysis.given.replicates import at_points
 from analysis.given.sample import Sample, choose
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.json_values import number
@@ -44,7 +45,7 @@ def analyse(
         outputs, factors: names of columns, as `analysis.given.sample.choose`.
 
     Returns:
-        {"file", "rows", "rows_used", "level", "factors": [NAME], "remarks": [SENTENCE],
+        {"file", "rows", "rows_used", "points", "level", "factors": [NAME], "remarks": [SENTENCE],
         "design": None or {"method", "rows", "width"}, "measures": {MEASURE: {"symbol", "assumes",
         "source", "rows"}}, "outputs": {NAME: {"mean", "sd", "design": {INDEX: INTERVALS},
         "measures": {MEASURE: {FACTOR: {"value", "low", "high"} and "chance" of a biased one and
@@ -60,13 +61,14 @@ def analyse(
 
 def answer(sample: Sample) -> dict[str, Any]:
     """Return `analyse` of a sample that was read."""
-    used = _used(sample)
+    points = at_points(sample)
+    used = _used(points.sample)
     x, y = used.x, used.y
-    remarks = [*sample.remarks, *used.remarks]
+    remarks = [*sample.remarks, *points.remarks, *used.remarks]
     if len(x):
         # Several runs at the same point are one of the points that were drawn.
-        points = x[without_copies(x, x[:, :0])]
-        remarks.extend(related(sample.factors, points, drawn=used.drawn))
+        once = x[without_copies(x, x[:, :0])]
+        remarks.extend(related(sample.factors, once, drawn=used.drawn))
     withheld = _withheld_from(x, sample.factors)
     remarks += [*_few_values(x, sample.factors), *(why for _, why in withheld)]
     measures = MEASURES if len(x) else ()
@@ -91,11 +93,14 @@ def answer(sample: Sample) -> dict[str, Any]:
         lost = [*not_in_numbers(name, *ends), *in_last_digits(name, *ends)]
         remarks += [f"Do not trust these intervals: {why}." for why in lost]
     design, complete = used.design, sample.complete
-    designed = {} if design is None else layout.indices(design, sample.x, sample.y, LEVEL)
+    designed = (
+        {} if design is None else layout.indices(design, points.sample.x, points.sample.y, LEVEL)
+    )
     return {
         "file": sample.file,
         "rows": len(sample.x),
         "rows_used": int(complete.sum()),
+        "points": int(points.sample.complete.sum()),
         "level": LEVEL,
         "factors": list(sample.factors),
         "design": design

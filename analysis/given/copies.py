@@ -3,8 +3,11 @@
 A run that stands in a table twice tells nothing new. Two runs that were drawn at the same point do:
 how often a point was drawn is what its distribution is. Rows alone tell the two apart: copies are
 far more than chance makes of values that are as frequent as these, or every row stands there as
-often as every other.
+often as every other (Good 1953, The population frequencies of species and the estimation of
+population parameters).
 """
+
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +27,7 @@ _HARDLY = 0.5
 #: correlation shows makes a little more. And beyond what so rare a chance makes.
 _TIMES, _RARE = 3.0, 1e-4
 #: So many points drawn independently stand there all an even number of times once in 16 000.
-_FEWEST_POINTS = 14
+FEWEST_POINTS = 14
 
 
 def without_copies(x: Array, y: Array) -> NDArray[np.intp]:
@@ -39,16 +42,20 @@ def without_copies(x: Array, y: Array) -> NDArray[np.intp]:
     if not there.any():
         return rows
     x, y = x[there], y[there]
-    row = _codes(np.column_stack([x, y]))
+    row = numbered(np.column_stack([x, y]))
     count = np.bincount(row)
     if len(count) == len(x):
         return rows
-    kept, times, again = there.copy(), int(np.gcd.reduce(count)), _which(row) > 0
-    if times > 1 and len(count) >= _FEWEST_POINTS and not _balanced(x, count):
-        kept[there] = _which(row) < (count // times)[row]
+    kept, times, again = there.copy(), int(np.gcd.reduce(count)), earlier(row) > 0
+    if times > 1 and len(count) >= FEWEST_POINTS and not _balanced(x, count):
+        kept[there] = earlier(row) < (count // times)[row]
         return rows[kept | ~there]
-    copy = again & _has_its_own(x, y, row)
-    if _beyond_chance(x[~copy], np.bincount(row[~copy])):
+    point = numbered(x)
+    noisy = [one for one in y.T if numbered(np.column_stack([point, one])).max() > point.max()]
+    copy = again & _has_its_own((*x.T, *noisy), row)
+    # Noise of few values, as of an event, repeats at a point that is repeated.
+    few = [len(np.unique(one)) < _HARDLY * len(count) for one in noisy]
+    if not (few and all(few)) and _more_than_drawn(x[~copy], np.bincount(row[~copy])):
         copy = again
     kept[there] = ~copy
     return rows[kept | ~there]
@@ -68,48 +75,60 @@ def _balanced(x: Array, count: NDArray[np.intp]) -> bool:
     return all_alike and len(count) < FEWEST_ROWS
 
 
-def _has_its_own(x: Array, y: Array, row: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _has_its_own(columns: Iterable[Array], row: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Return which rows have a value that none but their equals have, where values hardly repeat.
 
     A value that many rows have may be one of those that do: a rain gauge's zero.
 
     Args:
+        columns: factors, and the outputs that these do not determine: what they do is the same at
+            the same point, however seldom a value repeats.
         row: the number of each row among those that differ.
     """
     equals = np.bincount(row)[row]
     found = np.zeros(len(row), dtype=np.bool_)
-    point = _codes(x)
-    # What the factors determine is the same at the same point, however seldom a value repeats.
-    noisy = [one for one in y.T if _codes(np.column_stack([point, one])).max() > point.max()]
-    for column in (*x.T, *noisy):
+    for column in columns:
         if _hardly_repeats(column):
-            code = _codes(column[:, None])
+            code = numbered(column[:, None])
             found |= np.bincount(code)[code] == equals
     return found
 
 
-def _beyond_chance(x: Array, count: NDArray[np.intp]) -> bool:
+def _more_than_drawn(x: Array, count: NDArray[np.intp]) -> bool:
     """Say whether more pairs of rows are equal than of rows that were drawn independently.
 
     Args:
         count: how often each row stands there; others may stand there never.
     """
-    codes = np.column_stack([_codes(column[:, None]) for column in x.T])
+    levels = np.column_stack([numbered(column[:, None]) for column in x.T])
     # A column with a value for every row repeats it where the row is repeated, and so do others.
-    few = codes.max(axis=0) < _HARDLY * np.count_nonzero(count)
+    few = levels.max(axis=0) < _HARDLY * np.count_nonzero(count)
     group = np.arange(len(few))
-    group[few] = len(few) + joined(codes[:, few]) if few.any() else group[few]
-    every = 0.5 * len(x) * (len(x) - 1.0)
+    group[few] = len(few) + joined(levels[:, few]) if few.any() else group[few]
+    return beyond_chance(levels, count, group)
+
+
+def beyond_chance(
+    levels: NDArray[np.intp], count: NDArray[np.intp], group: NDArray[np.intp]
+) -> bool:
+    """Say whether more pairs of rows are equal than chance makes of values as frequent as these.
+
+    Args:
+        levels: the number of each row's value, shape (rows, factors).
+        count: how often each different row stands there.
+        group: of each factor; those of one may depend on each other.
+    """
+    every = 0.5 * len(levels) * (len(levels) - 1.0)
     chance = every
     for one in np.unique(group):
-        chance *= _pairs(np.bincount(_codes(codes[:, group == one]))) / every
+        chance *= _pairs(np.bincount(numbered(levels[:, group == one]))) / every
     return _pairs(count) > float(poisson.isf(_RARE, _TIMES * chance))
 
 
 def _hardly_repeats(column: Array) -> bool:
     """Say whether most values of a column stand there once, so that another row has a new one.
 
-    (Good 1953, The population frequencies of species and the estimation of population parameters.)
+    (Good 1953.)
     """
     _, count = np.unique(column, return_counts=True)
     return bool((count == 1).sum() > _HARDLY * len(count))
@@ -120,7 +139,7 @@ def _pairs(count: NDArray[np.intp]) -> float:
     return float((count * (count - 1.0)).sum() / 2.0)
 
 
-def _codes(table: Array | NDArray[np.intp]) -> NDArray[np.intp]:
+def numbered(table: Array | NDArray[np.intp]) -> NDArray[np.intp]:
     """Return the number of each row of a table among those that differ."""
     # No number is infinite here, and empty cells are equal.
     filled = np.where(np.isnan(table), np.inf, table)
@@ -128,8 +147,8 @@ def _codes(table: Array | NDArray[np.intp]) -> NDArray[np.intp]:
     return found
 
 
-def _which(code: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return how many rows before each have the same code."""
+def earlier(code: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return how many rows before each have the same number."""
     order = np.argsort(code, kind="stable")
     start = np.flatnonzero(np.r_[True, np.diff(code[order]) > 0])
     size = np.diff(np.r_[start, len(code)])
