@@ -101,6 +101,10 @@ def choose(
 def _sample(
     sheet: Sheet, factors: Sequence[str], outputs: Sequence[str], remarks: list[str]
 ) -> Sample:
+    # Before rows: what a column lacks that is left out costs none.
+    varying = [name for name in factors if _varies(sheet.numbers[name])] or factors
+    still = [name for name in factors if name not in varying]
+    factors = varying
     names = (*factors, *outputs)
     table = np.column_stack([sheet.numbers[name] for name in names])
     first = _laid_out_or_new(table[:, : len(factors)], table[:, len(factors) :])
@@ -138,7 +142,7 @@ def _sample(
                 file=sheet.file,
                 column=name,
             )
-    still = [name for name in factors if np.ptp(sheet.numbers[name][complete]) == 0.0]
+    still += [name for name in factors if np.ptp(sheet.numbers[name][complete]) == 0.0]
     if still:
         remarks.append(f"Columns that do not vary are left out: {', '.join(still)}.")
     factors = [name for name in factors if name not in still]
