@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.given import layout
+from analysis.given import doubts, layout
 from analysis.given.copies import FEWEST_ROWS, without_copies
 from analysis.given.delta import kurtosis
 from analysis.given.dependence import related
@@ -20,12 +20,8 @@ from analysis.given.sample import Sample, choose
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 from analysis.json_values import number
 from analysis.sensitivity.estimators import Estimate
-from analysis.sensitivity.judgement.trust import (
-    ENOUGH_RUNS,
-    HEAVY,
-    in_last_digits,
-    not_in_numbers,
-)
+from analysis.sensitivity.judgement.trust import ENOUGH_RUNS, HEAVY, in_last_digits, not_in_numbers
+from analysis.sensitivity.judgement.trust import FEWEST_ROWS as FEWEST_BELIEVED
 
 Array = NDArray[np.float64]
 
@@ -65,10 +61,12 @@ def answer(sample: Sample) -> dict[str, Any]:
     used = _used(points.sample)
     x, y = used.x, used.y
     remarks = [*sample.remarks, *points.remarks, *used.remarks]
+    depending: list[str] = []
     if len(x):
         # Several runs at the same point are one of the points that were drawn.
         once = x[without_copies(x, x[:, :0])]
-        remarks.extend(related(sample.factors, once, drawn=used.drawn))
+        depending = related(sample.factors, once, drawn=used.drawn)
+        remarks += [*depending, _few_rows(len(x), used.design)]
     withheld = _withheld_from(x, sample.factors)
     remarks += [*_few_values(x, sample.factors), *(why for _, why in withheld)]
     measures = MEASURES if len(x) else ()
@@ -96,6 +94,15 @@ def answer(sample: Sample) -> dict[str, Any]:
     designed = (
         {} if design is None else layout.indices(design, points.sample.x, points.sample.y, LEVEL)
     )
+    by_design = {
+        name: _of_design(designed, o, sample.factors) for o, name in enumerate(sample.outputs)
+    }
+    for name, of_design in by_design.items():
+        told, first = doubts.shares(of_samples[name]), of_design.get("first_order", {})
+        independent = {"the design's S": first} if first else {}
+        independent |= told if first or not depending else {}
+        remarks += doubts.beyond_the_whole(name, independent, LEVEL)
+        remarks += doubts.two_answers(name, first, told, LEVEL)
     return {
         "file": sample.file,
         "rows": len(sample.x),
@@ -118,7 +125,7 @@ def answer(sample: Sample) -> dict[str, Any]:
             name: {
                 "mean": number(sample.y[complete, o].mean()),
                 "sd": number(sample.y[complete, o].std(ddof=1)),
-                "design": _of_design(designed, o, sample.factors),
+                "design": by_design[name],
                 "measures": of_samples[name],
             }
             for o, name in enumerate(sample.outputs)
@@ -171,6 +178,16 @@ def _used(sample: Sample) -> _Used:
     # Rows may come sorted by a factor, and equal values would then stay sorted.
     rows = rows[np.random.default_rng(0).permutation(len(rows))]
     return _Used(x=sample.x[rows], y=sample.y[rows], drawn=drawn, design=design, remarks=remarks)
+
+
+def _few_rows(rows: int, design: layout.Layout | None) -> str:
+    """Return the remark on intervals of few rows, unless that on a design says so, or nothing."""
+    if rows >= FEWEST_BELIEVED or (design and len(design.places) < FEWEST_BELIEVED):
+        return ""
+    return (
+        f"Intervals of fewer than {FEWEST_BELIEVED} rows, such as these {rows}, are not to be "
+        "believed."
+    )
 
 
 def _few_values(x: Array, factors: Sequence[str]) -> list[str]:

@@ -38,7 +38,7 @@ ENOUGH_RUNS = 500.0
 #: is never above 1: a linear function, of which it is 1, is then taken to task in 1 study of 200.
 _SURE_LEVEL = 0.99
 #: What is above 1 by less would be said to be "at least 1".
-_CLEARLY_ABOVE_ONE = 1.005
+CLEARLY_ABOVE_ONE = 1.005
 #: Outputs that differ by less have squares, and powers of these, that are no numbers.
 _SMALLEST_SPREAD = 1.0 / LARGEST_OUTPUT
 #: What rounding may hide of effects, as a share of what the output varies by: half of what a factor
@@ -187,5 +187,5 @@ def _above_one(statistics: Mapping[str, Statistic], index: str, output: int) -> 
     if found is None:
         return None
     low: NDArray[np.float64] = found.estimate(_SURE_LEVEL).low[output]
-    above = low[low > _CLEARLY_ABOVE_ONE]
+    above = low[low > CLEARLY_ABOVE_ONE]
     return float(above.max()) if above.size else None

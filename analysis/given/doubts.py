@@ -1,0 +1,84 @@
+"""What indices of a sample cannot be together, so that something is wrong with its rows.
+
+Shares of independent factors sum to 1 at most (Sobol 1993, Sensitivity estimates for nonlinear
+mathematical models).
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from scipy.stats import norm
+
+from analysis.given.measures import MEASURES
+from analysis.sensitivity.judgement.screening import SHARE_OF_VARIANCE
+from analysis.sensitivity.judgement.trust import CLEARLY_ABOVE_ONE
+
+#: Measures that are shares of the variance, as the first-order index of a design is.
+_SHARES = tuple(measure.name for measure in MEASURES if measure.symbol.startswith("S"))
+#: How likely one factor or more of an output is said to have two indices, if it has one.
+_BY_CHANCE = 1e-3
+
+
+def beyond_the_whole(output: str, told: Mapping[str, Any], level: float) -> list[str]:
+    """Say so if the factors explain more than there is.
+
+    Args:
+        output: its name.
+        told: first-order indices of factors that are independent: {NAME: {FACTOR: INTERVAL}}.
+        level: of the intervals.
+    """
+    said = []
+    for name, index in told.items():
+        least = sum(max(one["low"] or 0.0, 0.0) for one in index.values())
+        if least > CLEARLY_ABOVE_ONE:
+            said.append(
+                f"Do not trust {name} of {output}: the lower ends of its {level:.0%} intervals sum "
+                f"to {least:.2f}, and shares of independent factors truly to no more than 1. Look "
+                "whether outputs stand beside the points that they are of."
+            )
+    return said
+
+
+def two_answers(
+    output: str, design: Mapping[str, Any], told: Mapping[str, Any], level: float
+) -> list[str]:
+    """Say so if a design and its points as a sample tell two shares of one factor.
+
+    And if they differ by what matters (`SHARE_OF_VARIANCE`).
+
+    Args:
+        output: its name.
+        design: first-order indices of a design, {FACTOR: INTERVAL}.
+        told: measures of its points as a sample, {NAME: {FACTOR: INTERVAL}}.
+        level: of the intervals.
+    """
+    beyond = norm.isf(_BY_CHANCE / 2.0 / max(len(design), 1)) / norm.isf((1.0 - level) / 2.0)
+    found = []
+    for name, index in told.items():
+        for factor, one in index.items():
+            other = design.get(factor, {})
+            if None in (one["low"], other.get("low")):
+                continue
+            apart = other["value"] - one["value"]
+            # Half the intervals, each towards the other.
+            half = _half(one, apart), _half(other, -apart)
+            times = abs(apart) / max((half[0] ** 2 + half[1] ** 2) ** 0.5, 1e-300)
+            if times > beyond and abs(apart) > SHARE_OF_VARIANCE:
+                said = f"{other['value']:.2f} by the design and {one['value']:.2f} by {name}"
+                found.append((times, f"the share of {factor} in {output} is {said}"))
+    if not found:
+        return []
+    return [
+        f"Two answers: {max(found)[1]}. Either the output has more waves or jumps than the latter "
+        "follows, or outputs do not stand beside the points that they are of."
+    ]
+
+
+def shares(measures: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the measures that are shares of the variance."""
+    return {name: index for name, index in measures.items() if name in _SHARES}
+
+
+def _half(interval: Mapping[str, float], towards: float) -> float:
+    end = interval["high"] if towards > 0.0 else interval["low"]
+    return abs(end - interval["value"])

@@ -1,0 +1,70 @@
+"""Indices that cannot be together raise an alarm, and those that can do not."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.designs import unit_row
+from analysis.given import doubts
+from analysis.given.answer import analyse
+from tests.testbed.given import written
+
+ALARMS = ("Do not trust the design's S", "Two answers")
+
+
+def design(rows: int, seed: int = 4) -> Any:
+    return np.concatenate(
+        [unit_row("saltelli", "owen_blocks", seed, row, 3) for row in range(rows)]
+    )
+
+
+def interval(low: float, high: float) -> dict[str, float]:
+    return {"value": (low + high) / 2.0, "low": low, "high": high}
+
+
+def test_outputs_that_stand_one_row_below_their_points_raise_an_alarm(tmp_path: Path) -> None:
+    """S summed to 1.68, at least to 1.14, without a remark."""
+    x = design(256).reshape(256, 5, 3)[:, [0, 2, 3, 4, 1]].reshape(-1, 3)
+    for moved, said in ((1, True), (0, False)):
+        table = np.column_stack([x, np.roll(x @ [1.0, 0.7, 0.5], moved)])
+        remarks = analyse(written(tmp_path / "rolled.csv", table), ["y"])["remarks"]
+        for alarm in ALARMS:
+            assert any(alarm in remark for remark in remarks) == said
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x: x.sum(axis=1),
+        lambda x: x[:, 0],
+        lambda x: np.prod(np.abs(4.0 * x - 2.0) + np.arange(3.0), axis=1),
+    ],
+)
+def test_honest_designs_raise_none(function: Any, tmp_path: Path) -> None:
+    for seed in range(4):
+        x = design(128, seed)
+        table = np.column_stack([x, function(x)])
+        remarks = " ".join(analyse(written(tmp_path / "d.csv", table), ["y"])["remarks"])
+        assert not any(alarm in remarks for alarm in ALARMS)
+        assert "Do not trust" not in remarks
+
+
+def test_shares_may_sum_to_one_but_not_surely_to_more() -> None:
+    one = {"a": interval(0.5, 0.6), "b": interval(0.5, 0.6), "c": interval(-0.3, 0.2)}
+    assert doubts.beyond_the_whole("y", {"hdmr": one}, 0.9) == []
+    (said,) = doubts.beyond_the_whole("y", {"hdmr": one | {"c": interval(0.1, 0.2)}}, 0.9)
+    assert said.startswith("Do not trust hdmr of y") and "sum to 1.10" in said
+    untold = {"a": {"value": None, "low": None, "high": None}}
+    assert doubts.beyond_the_whole("y", {"hdmr": untold}, 0.9) == []
+    assert doubts.two_answers("y", one, {"hdmr": untold}, 0.9) == []
+
+
+@pytest.mark.parametrize(("rows", "said"), [(100, True), (128, False)])
+def test_of_few_rows_it_is_said_that_intervals_are_not_to_be_believed(
+    rows: int, said: bool, tmp_path: Path
+) -> None:
+    table = np.random.default_rng(1).random((rows, 4))
+    remarks = " ".join(analyse(written(tmp_path / "few.csv", table), ["y"])["remarks"])
+    assert (f"such as these {rows}, are not to be believed" in remarks) == said
