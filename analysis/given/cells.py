@@ -44,6 +44,8 @@ _PERCENT = re.compile(r"(?<=\d)\s?%$")
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 #: Of a column with more than this share of text, all of it is text, and not a number gone wrong.
 _TEXT = 0.5
+#: A number that no other comes near is no chance if it is there so often.
+_AGAIN = 3
 #: Characters quoted of a cell.
 _QUOTED = 40
 
@@ -84,14 +86,19 @@ def column_numbers(
     numbers = np.array(pd.to_numeric(stripped, errors="coerce"), dtype=np.float64)
     odd = np.flatnonzero(np.isnan(numbers))
     wrong: list[int] = []
+    truths: list[int] = []
     for at in odd.tolist():
         cell, part = _plain(stripped.iloc[at])
         if is_number(cell):
             numbers[at] = part * float(cell.replace(",", "."))
         elif cell.lower() in _TRUTHS:
             numbers[at] = _TRUTHS[cell.lower()]
+            truths.append(at)
         elif not is_missing(cell) and not _INFINITE.fullmatch(cell):
             wrong.append(at)
+    if truths and not np.isin(numbers[np.isfinite(numbers)], (0.0, 1.0)).all():
+        # Among other numbers it is none.
+        wrong = sorted(wrong + truths)
     if wrong and len(wrong) > _TEXT * (len(numbers) - (len(odd) - len(wrong))):
         return str(stripped.iloc[wrong[0]])
     if wrong:
@@ -122,6 +129,24 @@ def checked(file: str, name: str, numbers: NDArray[np.float64]) -> NDArray[np.fl
             column=name,
         )
     return numbers
+
+
+def no_value(name: str, numbers: NDArray[np.float64]) -> str:
+    """Return the remark on a number that may stand for none, such as -999, or nothing.
+
+    It is there again and again, and as far from all others, which hardly repeat, as they go.
+    """
+    values, often = np.unique(numbers[~np.isnan(numbers)], return_counts=True)
+    for at, rest in ((0, slice(1, None)), (-1, slice(-1))):
+        others = values[rest]
+        if len(others) < 2 or often[at] < _AGAIN or (often[rest] == 1).sum() <= len(others) / 2:
+            continue
+        if np.abs(others - values[at]).min() > np.ptp(others):
+            return (
+                f"{name} is {values[at]:g} in {often[at]} rows, and from {others[0]:g} to "
+                f"{others[-1]:g} in the others: if that stands for no value, leave it empty."
+            )
+    return ""
 
 
 def _plain(cell: str) -> tuple[str, float]:

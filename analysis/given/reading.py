@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from analysis.given.cells import checked, column_numbers, on_one_line
 from analysis.given.csv_head import BLANKS, START_BYTES, UTF_16, CsvHead, read_head, whole_lines
-from analysis.given.refusals import GivenError, refuse_thousands, refuse_uneven
+from analysis.given.refusals import GivenError, refuse_quotes, refuse_thousands, refuse_uneven
 
 if TYPE_CHECKING:
     import pandas
@@ -160,7 +160,12 @@ def _table(path: Path, head: CsvHead) -> pandas.DataFrame:
     except pd.errors.ParserError as error:
         found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
         if found is None:
-            raise GivenError(f"it cannot be read as CSV: {error}", file=path.name) from None
+            refuse_quotes(
+                path,
+                head.encoding,
+                separator=None if head.separator == BLANKS else head.separator,
+                above=head.before,
+            )
         wanted, line, saw = map(int, found.groups())
         raise GivenError(
             f"line {line} has {saw} cells and not {wanted} as the lines before",

@@ -7,7 +7,9 @@ which would be read as decimal ones: 12.345 of 12345.
 import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
+from typing import NoReturn
 
 #: A cell between blanks, or in quotes.
 _CELL = re.compile(r'"[^"]*"|\S+')
@@ -67,8 +69,31 @@ def refuse_uneven(
                     file=path.name,
                     line=line,
                 )
-    except csv.Error as error:
-        raise GivenError(f"it cannot be read as CSV: {error}", file=path.name) from None
+    except csv.Error:
+        refuse_quotes(path, encoding, separator=separator, above=above)
+
+
+def refuse_quotes(path: Path, encoding: str, *, separator: str | None, above: int) -> NoReturn:
+    """Refuse a file of which no program makes cells, by the quotation mark that is wrong.
+
+    Args:
+        separator, above: as of `refuse_uneven`.
+
+    Raises:
+        GivenError: with the line on which its cell begins.
+    """
+    with path.open(encoding=encoding, errors="replace") as file:
+        reader = csv.reader(islice(file, above, None), delimiter=separator or " ", strict=True)
+        begins = above + 1
+        try:
+            for _ in reader:
+                begins = above + reader.line_num + 1
+        except csv.Error as error:
+            said = "has text behind a closing quotation mark: double marks within a cell"
+            if "expected after" not in str(error):
+                said = "opens a quotation mark that nothing closes: close it, or take it away"
+            raise GivenError(f"line {begins} {said}", file=path.name, line=begins) from None
+    raise GivenError("it cannot be read as CSV", file=path.name)
 
 
 def _records(

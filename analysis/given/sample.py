@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given import layout
-from analysis.given.cells import on_one_line
+from analysis.given.cells import no_value, on_one_line
 from analysis.given.copies import FEWEST_ROWS, without_copies
 from analysis.given.reading import Sheet
 from analysis.given.refusals import GivenError
@@ -148,6 +148,9 @@ def _sample(
     factors = [name for name in factors if name not in still]
     if not factors:
         raise GivenError("it has no factor that varies", file=sheet.file)
+    remarks += [
+        said for name in (*factors, *outputs) if (said := no_value(name, sheet.numbers[name]))
+    ]
     x = np.column_stack([sheet.numbers[name] for name in factors])
     return Sample(
         file=sheet.file,

@@ -315,3 +315,41 @@ def test_a_column_that_is_left_out_costs_no_rows(tmp_path: Path) -> None:
     sample = choose(read_sheet(path), ["y"])
     assert sample.factors == ("a",) and sample.complete.sum() == 200
     assert sample.remarks == ("Columns that do not vary are left out: valid.",)
+
+
+@pytest.mark.parametrize(
+    ("cell", "said"),
+    [
+        ('"0.5', "line 4 opens a quotation mark that nothing closes: close it, or take it away"),
+        ('"0.5" x', "line 4 of column a reads '0.5 x', which is no number"),
+        ("TRUE", "line 4 of column a reads 'TRUE', which is no number"),
+    ],
+)
+def test_one_spoilt_cell_is_named_by_its_line(tmp_path: Path, cell: str, said: str) -> None:
+    path = tmp_path / "spoilt.csv"
+    lines = ["a,y", "0.1,0.2", "0.3,0.4", f"{cell},0.6", *["0.7,0.8"] * 60]
+    path.write_text("\n".join(lines))
+    with pytest.raises(GivenError, match=said) as caught:
+        read_sheet(path)
+    assert caught.value.line == 4 and "C error" not in str(caught.value)
+
+
+def test_truths_are_numbers_beside_ones_and_noughts(tmp_path: Path) -> None:
+    path = tmp_path / "truths.csv"
+    path.write_text("a,y\nTRUE,1\n0,2\nfalse,3\n,4\n1,5\n")
+    assert read_sheet(path).numbers["a"].tolist() == pytest.approx(
+        [1, 0, 0, np.nan, 1], nan_ok=True
+    )
+
+
+@pytest.mark.parametrize(
+    ("other", "times", "said"), [(-999.0, 3, True), (-999.0, 2, False), (-0.5, 9, False)]
+)
+def test_a_number_that_may_stand_for_none_is_named(
+    tmp_path: Path, other: float, times: int, said: bool
+) -> None:
+    table = np.random.default_rng(1).random((100, 2))
+    table[:times, 1] = other
+    remarks = choose(read_sheet(written(tmp_path / "s.csv", table, "a,y")), ["y"]).remarks
+    assert any("y is -999 in 3 rows" in remark for remark in remarks) == said
+    assert len(remarks) == said
