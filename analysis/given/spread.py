@@ -40,8 +40,10 @@ def quasi_random(x: Array) -> bool:
         x: shape (rows, factors), rows in any order.
     """
     distinct = np.array([len(np.unique(column)) for column in x.T])
-    # Levels of a grid are no sequence.
-    x = x[:, distinct > len(x) / 2][:, :_MOST_FACTORS]
+    # Of rounded values there must be more than the cells have sides, and more than a grid's levels:
+    # one over two factors, of which every other point may be missing, is no sequence.
+    told = (distinct > 2 * _MOST_CELLS) & (distinct**2 > 2 * len(x))
+    x = x[:, (distinct > len(x) / 2) | told][:, :_MOST_FACTORS]
     rows, factors = x.shape
     if factors < 2:
         return False

@@ -100,8 +100,19 @@ def test_points_of_a_sequence_are_told_from_drawn_ones(engine: Any, rows: int) -
         points = engine(4, seed=3).random(rows)
     shuffled = np.random.default_rng(3).permutation(points)[: rows - rows // 40] ** 2
     assert quasi_random(points) and quasi_random(np.column_stack([shuffled, shuffled[:, 0]]))
+    assert quasi_random(points.round(2)) and not quasi_random(np.square(shuffled).round(1))
     assert not quasi_random(qmc.LatinHypercube(4, seed=3).random(rows))
     assert not quasi_random(np.random.default_rng(3).random((rows, 4)))
+
+
+def test_rounded_draws_and_grids_are_no_sequence() -> None:
+    rng = np.random.default_rng(3)
+    grid = rng.permutation(np.array(list(np.ndindex(40, 50)), dtype=float))
+    for x in (grid, grid[:1500], np.column_stack([grid, rng.random(2000)])):
+        assert not quasi_random(x)
+    for seed in range(20):
+        drawn = np.random.default_rng(seed).random((256, 4))
+        assert not quasi_random(drawn.round(2)) and not quasi_random(np.floor(40.0 * drawn))
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
