@@ -151,7 +151,7 @@ class _Used:
 def _used(sample: Sample) -> _Used:
     """Return the rows that nobody laid out, as far as that can be seen."""
     rows, remarks, drawn = np.flatnonzero(sample.complete), [], True
-    design = layout.recognise(sample.x) if np.isfinite(sample.x).all() else None
+    design = layout.recognise(sample.x)
     if design is not None:
         remarks.append(design.sentence)
         rows = design.independent[sample.complete[design.independent]]

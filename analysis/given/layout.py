@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 
 #: Rows of a design that must be there for a sample to be taken for one.
 FEWEST = 4
+#: Of rows that do not fit, the share with which a sample is one still: of drawn rows hardly any
+#: fits, and a design that lost more is better given anew. And how many are shown.
+_DAMAGED, _SHOWN = 0.1, 5
 #: The blocks of rows are dealt at random: of what another program drew nothing else is known.
 _SAMPLING = "latin_hypercube"
 
@@ -32,6 +35,8 @@ class Layout:
     #: Where each point of each row is in the sample, in the order of our own designs, shape (rows,
     #: width).
     places: NDArray[np.intp]
+    #: Where the first runs of rows are that are damaged, which are left out.
+    damaged: Sequence[int] = ()
 
     @property
     def independent(self) -> NDArray[np.intp]:
@@ -49,6 +54,13 @@ class Layout:
         said = f"The sample is {kind} of {rows} rows of {width} runs, and is analysed as one too."
         if rows < FEWEST_BELIEVED:
             said += f" Intervals of fewer than {FEWEST_BELIEVED} rows are not to be believed."
+        if self.damaged:
+            shown = ", ".join(f"{place + 1:,}" for place in self.damaged[:_SHOWN])
+            said += (
+                f" {len(self.damaged)} of its rows, which begin in row {shown}"
+                + (" and so on" if len(self.damaged) > _SHOWN else "")
+                + " of the table, do not fit the others and are left out: look at their factors."
+            )
         return said
 
 
@@ -66,13 +78,26 @@ def recognise(x: Array) -> Layout | None:
         if runs % width or runs // width < FEWEST:
             continue
         for places in _orders(runs // width, k, second_order=width > k + 2):
-            if _is_saltelli(x[places], k):
-                return Layout(method=method, places=places)
+            if found := _with(method, x, places, _fits_saltelli(x[places], k)):
+                return found
     if runs % (k + 1) == 0 and runs // (k + 1) >= FEWEST:
         places = np.arange(runs).reshape(-1, k + 1)
-        if _is_morris(x[places]):
-            return Layout(method="morris", places=places)
+        return _with("morris", x, places, _fits_morris(x[places]))
     return None
+
+
+def _with(
+    method: str, x: Array, places: NDArray[np.intp], fits: NDArray[np.bool_]
+) -> Layout | None:
+    """Return the design of the rows that fit, if it is hardly fewer than all."""
+    fits &= np.isfinite(x[places]).all(axis=(1, 2))
+    # Rows of one point fit whatever they are, as of events that are rare.
+    varied = (x[places] != x[places[:, :1]]).any(axis=(1, 2))
+    if fits.sum() < FEWEST or fits[varied].sum() < max(1.0, (1.0 - _DAMAGED) * varied.sum()):
+        return None
+    # Block by block the runs of a row are far apart.
+    first = np.sort(places[~fits].min(axis=1, initial=places.size))
+    return Layout(method=method, places=places[fits], damaged=first.tolist())
 
 
 def indices(layout: Layout, x: Array, y: Array, level: float) -> dict[str, Estimate]:
@@ -96,8 +121,9 @@ def _indices(
 ) -> dict[str, Estimate]:
     estimator: Estimator
     if layout.method == "morris":
-        low, high = x.min(axis=0), x.max(axis=0)
-        points = ((x - low) / (high - low))[layout.places]
+        used = x[layout.places]
+        low, high = used.min(axis=(0, 1)), used.max(axis=(0, 1))
+        points = (used - low) / (high - low)
         estimator = _Given(points, outputs=y.shape[1], weightings=weightings)
     else:
         estimator = estimator_class(layout.method)(
@@ -134,26 +160,24 @@ def _orders(rows: int, k: int, *, second_order: bool) -> list[NDArray[np.intp]]:
     return [by_row, by_row[:, salib], by_block]
 
 
-def _is_saltelli(points: Array, k: int) -> bool:
-    """Say whether rows (rows, width, k) are A, B, A_B^(i) and perhaps B_A^(i)."""
+def _fits_saltelli(points: Array, k: int) -> NDArray[np.bool_]:
+    """Return which rows of (rows, width, k) are A, B, A_B^(i) and perhaps B_A^(i)."""
     a, b = points[:, 0], points[:, 1]
-    if (a == b).all():
-        return False
+    fits = np.full(len(points), not (a == b).all())
     for start, base, other in ((2, a, b), (2 + k, b, a))[: 1 + (points.shape[1] > k + 2)]:
         for i in range(k):
             mixed = base.copy()
             mixed[:, i] = other[:, i]
-            if not np.array_equal(points[:, start + i], mixed):
-                return False
-    return True
+            fits &= (points[:, start + i] == mixed).all(axis=1)
+    return fits
 
 
-def _is_morris(points: Array) -> bool:
-    """Say whether in rows (rows, k + 1, k) every factor is moved once, alone."""
+def _fits_morris(points: Array) -> NDArray[np.bool_]:
+    """Return in which of rows (rows, k + 1, k) every factor is moved once, alone."""
     k = points.shape[-1]
     (before, after), step = legs(points)
     row = np.arange(len(points))[:, None]
     moved = points[row, before] != points[row, after]
-    return bool((moved.sum(axis=-1) == 1).all() and (step != 0.0).all()) and all(
-        len(set(places)) == k for places in after.tolist()
-    )
+    fits = np.array([len(set(places)) == k for places in after.tolist()])
+    fits &= (moved.sum(axis=-1) == 1).all(axis=1) & (step != 0.0).all(axis=1)
+    return fits

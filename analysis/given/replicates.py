@@ -55,8 +55,8 @@ def at_points(sample: Sample) -> Points:
     kept = np.sort(first)
     y = np.transpose([_means(code, column) for column in sample.y.T])[np.argsort(first)]
     averaged = replace(sample, x=sample.x[kept], y=y)
-    design = None if alone.any() else layout.recognise(averaged.x)
-    if layout.recognise(sample.x[there]) and not design:
+    design = layout.recognise(averaged.x)
+    if layout.recognise(sample.x) and not design:
         # Points of a design meet, and its indices need every one of them.
         return Points(sample=sample, remarks=[])
     if design and len(set(np.bincount(code))) > 1:

@@ -171,7 +171,7 @@ def _laid_out_or_new(x: Array, y: Array) -> NDArray[np.intp]:
     if len(kept) == len(x):
         return kept
     moved = x[:, np.ptp(x, axis=0) != 0.0]
-    if np.isfinite(moved).all() and not layout.recognise(moved[kept]):
+    if not layout.recognise(moved[kept]):
         return np.arange(len(x)) if layout.recognise(moved) else kept
     return kept
 

@@ -72,8 +72,30 @@ def test_intervals_of_a_design_are_the_same_without_replicates_where_none_are_ne
 
 def test_no_design_is_seen_in_random_points(points: Any) -> None:
     assert layout.recognise(points) is None
+    for seed in range(20):
+        rare = np.random.default_rng(seed).random((240, 2)) < 0.01
+        assert layout.recognise(rare.astype(float)) is None
     x = saltelli(8).reshape(-1, 3)
     assert layout.recognise(np.roll(x, 1, axis=0)) is None
+
+
+@pytest.mark.parametrize("method", ["saltelli", "morris"])
+@pytest.mark.parametrize("cell", [1e6, np.nan])
+def test_a_damaged_row_of_a_design_is_named_and_left_out(
+    method: str, cell: float, tmp_path: Path
+) -> None:
+    x = np.stack([unit_row(method, "owen_blocks", 4, row, 3) for row in range(64)])
+    width = x.shape[1]
+    y = ishigami(x.reshape(-1, 3)).reshape(64, width)
+    whole = np.delete(np.concatenate([x, y[..., None]], axis=2), 5, axis=0).reshape(-1, 4)
+    x[5, 1, 2] = cell
+    table = np.concatenate([x, y[..., None]], axis=2).reshape(-1, 4)
+    found = analyse(written(tmp_path / "d.csv", table), ["y"])
+    assert found["design"] == {"method": method, "rows": 63, "width": width}
+    said = f"1 of its rows, which begin in row {5 * width + 1} of the table, do not fit"
+    assert said in " ".join(found["remarks"])
+    without = analyse(written(tmp_path / "w.csv", whole), ["y"])
+    assert found["outputs"]["y"]["design"] == without["outputs"]["y"]["design"]
 
 
 def test_of_a_design_only_points_that_share_nothing_count_as_a_sample(tmp_path: Path) -> None:
