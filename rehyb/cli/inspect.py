@@ -47,10 +47,10 @@ def inspect(
     Exit status 2 if the log cannot be read; then nothing is written.
     """
     from analysis.closeloop.errors import SessionError
-    from analysis.closeloop.logs.draft import assigned, of_currents, of_factors, write_session
+    from analysis.closeloop.logs.assignment import AS_SAID, assigned, of_factors
+    from analysis.closeloop.logs.draft import of_currents, write_session
     from analysis.closeloop.logs.inspection import believe, of_rates
     from analysis.closeloop.logs.joints import (
-        joint_names,
         joints_in,
         of_only_joint,
         of_other_joints,
@@ -62,15 +62,16 @@ def inspect(
         with needs_extra(file.name, "logs"), refusing(SessionError):
             log = read_log(file)
             believed = believe(log, rate)
-            beliefs, named = assigned(believed, said or ())
             known = joints_in(model) if model else []
-            joints = joint_names(beliefs, known)
-            joints = [named.get(number, name) for number, name in enumerate(joints)]
+            beliefs, joints = assigned(believed, said or (), known)
+            there = sorted({b.joint for b in beliefs if b.joint is not None})
             left = write_session(out, file.stem, beliefs, joints, model) if out else []
-            left += of_currents(beliefs, joints) + of_other_joints(joints, known)
+            left += of_currents(beliefs, joints)
+            left += of_other_joints([joints[number] for number in there], known)
             left += of_parted_joints(beliefs, joints)
             left += of_factors(believed, said or ())
-            left += [] if named else of_only_joint(beliefs, known)
+            if not any(b.why == AS_SAID and b.joint is not None for b in beliefs):
+                left += of_only_joint(beliefs, known)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     rows = [_row(belief, joints) for belief in beliefs]

@@ -41,6 +41,8 @@ JOINT_STATES = re.compile(r"^.*\bjoint_?states?[/.]", re.IGNORECASE)
 STATE_UNITS = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
 #: Derivatives of a position, in order.
 CHAIN = ("position", "velocity", "acceleration")
+#: Signals of a joint that a session holds.
+SIGNALS = (*CHAIN, "effort")
 #: Why a channel is of a quantity: its name has a word for it, or a unit of it.
 BY_NAME, BY_UNIT = "by its name", "by its unit"
 #: Why a channel is of none.

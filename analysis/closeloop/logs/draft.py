@@ -2,24 +2,21 @@
 
 import csv
 import json
-import re
 import shutil
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.logs.belief import Belief
+from analysis.closeloop.logs.assignment import AS_SAID
+from analysis.closeloop.logs.belief import SIGNALS, Belief
 from analysis.closeloop.logs.clock import stretches
-from analysis.closeloop.logs.inspection import is_in_degrees
-from analysis.closeloop.logs.joints import joint_name, joints_in
+from analysis.closeloop.logs.joints import joints_in
 from analysis.closeloop.logs.log import Numbers
 from analysis.closeloop.logs.units import UNITS
 from intake.xml import listed
 
-SIGNALS = ("position", "velocity", "acceleration", "effort")
 #: What signals without any unit are taken for.
 WITHOUT_UNIT = {
     "position": "rad",
@@ -27,106 +24,6 @@ WITHOUT_UNIT = {
     "acceleration": "rad/s2 or m/s2",
     "effort": "Nm or N",
 }
-#: What a line that assigns a channel looks like: "column 14=elbow.effort*11.976", "u_V=-".
-ASSIGNMENT = re.compile(
-    r"(?P<channel>.+)=(?:(?P<joint>[^=*]+)\.(?P<quantity>\w+)|(?P<time>time)|-)(?:\*(?P<scale>.+))?"
-)
-
-
-def assigned(
-    beliefs: Sequence[Belief], lines: Sequence[str]
-) -> tuple[list[Belief], dict[int, str]]:
-    """Return beliefs after what the user knows better, and the joints' names that came up.
-
-    Args:
-        lines: CHANNEL=JOINT.QUANTITY[*SCALE], CHANNEL=time[*SCALE] or CHANNEL=-, which leaves the
-            channel out.
-
-    Raises:
-        ValueError: a line is wrong.
-    """
-    chosen = list(beliefs)
-    names: dict[int, str] = {}
-    for line in lines:
-        match = ASSIGNMENT.fullmatch(line)
-        at = {b.channel.name: i for i, b in enumerate(chosen)}.get(
-            match["channel"] if match else ""
-        )
-        if match is None or at is None:
-            raise ValueError(
-                f"{line!r} is no assignment of a channel: write NAME=JOINT.QUANTITY*SCALE, with a "
-                f"channel's name and one of {', '.join(SIGNALS)}"
-            )
-        if match["quantity"] and match["quantity"] not in SIGNALS:
-            raise ValueError(f"{line!r}: take {', '.join(SIGNALS)}, not {match['quantity']!r}")
-        try:
-            scale = float(match["scale"] or 1.0)
-        except ValueError:
-            raise ValueError(f"{line!r}: {match['scale']!r} is no number") from None
-        joint = None
-        if match["joint"]:
-            known = {name: number for number, name in names.items()}
-            joint = known.get(match["joint"], _joint_of(chosen, at, match["joint"]))
-            names[joint] = match["joint"]
-        chosen[at] = replace(
-            chosen[at],
-            quantity=match["quantity"] or match["time"] or "unknown",
-            unit="SI",
-            scale=scale,
-            joint=joint,
-            wanted=False,
-            why="as you said",
-        )
-        if match["time"]:
-            _set_clock(chosen, at)
-    return chosen, names
-
-
-def of_factors(beliefs: Sequence[Belief], lines: Sequence[str]) -> list[str]:
-    """Say of channels that were assigned without a factor that they seem to be in no SI unit.
-
-    Args:
-        beliefs: before what the user knows better.
-        lines: as `assigned` takes them.
-    """
-    by_name = {belief.channel.name: belief for belief in beliefs}
-    said = []
-    for match in filter(None, map(ASSIGNMENT.fullmatch, lines)):
-        belief, quantity = by_name[match["channel"]], match["quantity"] or match["time"]
-        unit, factor = belief.unit.rstrip("?"), f"{belief.scale:.6g}"
-        of_unit = UNITS[unit].quantity if unit in UNITS else ""
-        if (quantity, of_unit) == ("effort", "current"):
-            factor = f"NM_PER_{unit}"
-        elif quantity == "position" != of_unit and is_in_degrees(belief.channel.values):
-            unit, factor = "deg", f"{UNITS['deg'].scale:.6g}"
-        elif quantity not in (belief.quantity, of_unit):
-            continue
-        if match["scale"] is None and factor != "1":
-            said.append(
-                f"{belief.channel.name} seems to be in {unit}, and without a factor was taken for "
-                f"SI units: if it is in {unit}, say --as '{match[0]}*{factor}'"
-            )
-    return said
-
-
-def _set_clock(beliefs: list[Belief], at: int) -> None:
-    """Give every channel as long as the clock number `at` its time."""
-    clock = beliefs[at]
-    time = clock.scale * clock.channel.values
-    for number, belief in enumerate(beliefs):
-        if len(belief.channel.values) == len(time):
-            beliefs[number] = replace(belief, channel=replace(belief.channel, time=time))
-
-
-def _joint_of(beliefs: Sequence[Belief], at: int, name: str) -> int:
-    """Return the number of the joint of a channel, by its place or by its name."""
-    for belief in beliefs:
-        if belief.joint is not None and joint_name(belief) == name:
-            return belief.joint
-    own = beliefs[at].joint
-    if own is not None:
-        return own
-    return 1 + max((b.joint for b in beliefs if b.joint is not None), default=-1)
 
 
 def of_currents(beliefs: Sequence[Belief], joints: Sequence[str]) -> list[str]:
@@ -174,13 +71,16 @@ def write_session(
         raise SessionError("is not an empty folder", file=str(folder))
     taken: dict[str, Belief] = {}
     others: dict[str, list[str]] = {}
-    # A current stands for an effort only where there is none.
-    for belief in sorted(beliefs, key=lambda belief: belief.quantity == "current"):
+    # A current stands for an effort only where there is none, and what was said goes before all.
+    ranked = sorted(beliefs, key=lambda belief: belief.quantity == "current")
+    for belief in sorted(ranked, key=lambda belief: belief.why != AS_SAID):
         quantity = "effort" if belief.quantity == "current" else belief.quantity
         if quantity in SIGNALS and not belief.wanted and belief.joint is not None:
             name = f"{joints[belief.joint]}.{quantity}"
             if taken.setdefault(name, belief) is not belief:
                 others.setdefault(name, []).append(belief.channel.name)
+    places = {id(belief): place for place, belief in enumerate(ranked)}
+    taken = dict(sorted(taken.items(), key=lambda item: places[id(item[1])]))
     for quantity in ("position", "effort"):
         if not any(name.endswith(f".{quantity}") for name in taken):
             channels = listed(b.channel.name for b in beliefs if b.quantity != "time")

@@ -14,6 +14,7 @@ import numpy as np
 from analysis.closeloop.logs.belief import (
     BY_NAME,
     BY_UNIT,
+    SIGNALS,
     Belief,
     by_name,
     desired,
@@ -114,6 +115,7 @@ def _number_joints(beliefs: list[Belief]) -> None:
 
     Where all positions are numbered, whatever ends in such a number is of that joint.
     """
+    _count_alike(beliefs)
     numbers = {b.stem for b in beliefs if b.quantity == "position" and not b.wanted}
     numbered = bool(numbers) and all(stem.isdigit() for stem in numbers)
     joints = {n: rank for rank, n in enumerate(sorted(numbers, key=int))} if numbered else {}
@@ -139,6 +141,33 @@ def _number_joints(beliefs: list[Belief]) -> None:
             joint = counts.get(key, 0)
         counts[key] = counts.get(key, 0) + 1
         beliefs[at] = replace(belief, joint=joint)
+
+
+def _count_alike(beliefs: list[Belief]) -> None:
+    """Number what counts the joints from 0 as the positions do that count from 1, or the other way.
+
+    Only as many signals of a quantity as there are positions are those of the same joints.
+    """
+    groups: dict[tuple[str, bool, str], dict[int, int]] = {}
+    for at, belief in enumerate(beliefs):
+        before, _, number = belief.stem.rpartition("_")
+        if belief.quantity in (*SIGNALS, "current") and number.isdigit():
+            groups.setdefault((belief.quantity, belief.wanted, before), {})[at] = int(number)
+    having = [key for key in groups if key[:2] == ("position", False)]
+    for (_, _, before), group in groups.items():
+        same = [key for key in having if key[2] == before] or having
+        if len(same) != 1 or len(group) < 2:
+            continue
+        first, own = min(groups[same[0]].values()), min(group.values())
+        numbers = [*range(first, first + len(group))]
+        alike = sorted(groups[same[0]].values()) == numbers
+        alike &= sorted(number + first - own for number in group.values()) == numbers
+        if not alike or {first, own} != {0, 1}:
+            continue
+        for at in group:
+            stem = f"{before}_{group[at] + first - own}".lstrip("_")
+            why = f"{beliefs[at].why}; counts from {own}, positions from {first}"
+            beliefs[at] = replace(beliefs[at], stem=stem, why=why)
 
 
 def _find_blocks(beliefs: list[Belief]) -> None:

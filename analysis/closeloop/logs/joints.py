@@ -27,17 +27,42 @@ def joint_name(belief: Belief) -> str | None:
 def joint_names(beliefs: Sequence[Belief], known: Sequence[str] = ()) -> list[str]:
     """Return the names of the log's joints in order: the log's own, else `known`, else numbers.
 
+    Where the names of `known` are numbered, a number of the log's is that joint.
     A name of the log's that ends as one of `known` alone does, but for marks, means that; where
     log and model have a single joint, it is the same.
     """
     count = 1 + max((b.joint for b in beliefs if b.joint is not None), default=-1)
     if count == len(known) == 1:
         return list(known)
-    own = {b.joint: name for b in beliefs if b.joint is not None and (name := joint_name(b))}
+    # A joint's position says its name before the others.
+    positions_last = sorted(beliefs, key=lambda belief: belief.quantity == "position")
+    own = {b.joint: name for b in positions_last if b.joint is not None and (name := joint_name(b))}
     spare = list(known) if len(known) == count else [f"joint_{n + 1}" for n in range(count)]
+    own = _by_number(beliefs, known) | own
     names = [own.get(number, spare[number]) for number in range(count)]
     meant = [_meant(name, known) for name in names]
     return [m if m and meant.count(m) == 1 else n for n, m in zip(names, meant, strict=True)]
+
+
+def _by_number(beliefs: Sequence[Belief], known: Sequence[str]) -> dict[int, str]:
+    """Return the joints of `known` that bare numbers of the log's mean; none if any means none.
+
+    A log that counts from 0 means the first by it where `known` counts from 1.
+    """
+    numbers = {
+        b.joint: int(b.stem)
+        for b in beliefs
+        if b.quantity == "position" and not b.wanted and b.joint is not None and b.stem.isdigit()
+    }
+    ends = {name: re.search(r"(\d+)\D*$", name) for name in known}
+    by_number = {int(end[1]): name for name, end in ends.items() if end}
+    if not numbers or len(by_number) < len(known) or not known:
+        return {}
+    if 0 in numbers.values() and 0 not in by_number:
+        numbers = {joint: number + 1 for joint, number in numbers.items()}
+    if not by_number.keys() >= {*numbers.values()}:
+        return {}
+    return {joint: by_number[number] for joint, number in numbers.items()}
 
 
 def _meant(name: str, known: Sequence[str]) -> str | None:

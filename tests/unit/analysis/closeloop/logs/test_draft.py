@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs.assignment import assigned, of_factors
 from analysis.closeloop.logs.belief import Belief
-from analysis.closeloop.logs.draft import assigned, of_currents, of_factors, write_session
+from analysis.closeloop.logs.draft import of_currents, write_session
 from analysis.closeloop.logs.inspection import believe
 from analysis.closeloop.logs.joints import (
     joint_names,
@@ -33,8 +34,7 @@ def table(path: Path) -> tuple[list[str], np.ndarray]:
 
 
 def test_a_current_becomes_a_torque_by_what_the_user_says(tmp_path: Path) -> None:
-    chosen, names = assigned(beliefs(), ["u=elbow.effort*2.5", "q=elbow.position"])
-    joints = [names.get(n, name) for n, name in enumerate(joint_names(chosen))]
+    chosen, joints = assigned(beliefs(), ["u=elbow.effort*2.5", "q=elbow.position"])
     assert write_session(tmp_path / "s", "log", chosen, joints) == [
         "put the robot's MJCF or URDF into the folder as robot.xml"
     ]
@@ -324,3 +324,59 @@ def test_signals_of_one_kind_without_a_unit_are_told_of_at_once(tmp_path: Path) 
         "a_torque is taken for a.effort in Nm or N; if it is not, say --as "
         "'a_torque=a.effort*FACTOR_TO_SI'",
     ]
+
+
+def six(positions: int, efforts: int) -> list[Belief]:
+    """Return a log of six joints whose positions and efforts count from one number each."""
+    arrays = {"t": TIME}
+    arrays |= {f"q{n + positions}": np.sin(TIME + n) for n in range(6)}
+    arrays |= {f"tau{n + efforts}": np.cos(3 * TIME + n) for n in range(6)}
+    return believe(Log(kind="CSV", channels=[Channel(name=n, values=v) for n, v in arrays.items()]))
+
+
+SIX = [f"joint{n}" for n in range(1, 7)]
+
+
+@pytest.mark.parametrize(("positions", "efforts"), [(0, 1), (1, 0), (0, 0), (1, 1)])
+def test_columns_that_count_from_0_and_from_1_are_of_the_same_joints(
+    positions: int, efforts: int
+) -> None:
+    found, joints = assigned(six(positions, efforts), [], SIX)
+    assert joints == SIX
+    assert [b.joint for b in found] == [None, *range(6), *range(6)]
+
+
+def test_fewer_efforts_than_positions_keep_their_numbers() -> None:
+    log = Log(kind="CSV", channels=[b.channel for b in six(0, 1) if b.channel.name != "tau6"])
+    alone = {b.channel.name: b.joint for b in believe(log)}
+    assert alone["tau1"] == alone["q1"] == 1
+
+
+def test_what_is_said_of_some_channels_moves_no_others(tmp_path: Path) -> None:
+    lines = [f"tau{n}=joint{n}.effort" for n in range(1, 7)]
+    found, joints = assigned(six(0, 1), lines, SIX)
+    assert [b.joint for b in found] == [None, *range(6), *range(6)] and joints == SIX
+    # An effort that is said to be of another joint takes no position along.
+    found, joints = assigned(six(1, 1), ["tau2=joint1.effort"], SIX)
+    named = {b.channel.name: joints[b.joint] for b in found if b.joint is not None}
+    assert named["q2"] == "joint2" and named["tau3"] == "joint3"
+    assert named["tau2"] == named["q1"] == "joint1"
+    said = write_session(tmp_path / "s", "log", found, joints)
+    assert "tau2 is taken for joint1.effort, and not tau1: for another say --as " in said[0]
+
+
+def test_a_new_name_is_a_joint_s_only_if_no_other_channel_says_so() -> None:
+    found, joints = assigned(six(1, 1), ["tau1=elbow.effort"])
+    assert joints[0] == "elbow" and found[1].joint == 0
+    found, joints = assigned(six(1, 1), ["tau1=elbow.effort", "q2=elbow.position"])
+    named = {b.channel.name: joints[b.joint] for b in found if b.joint is not None}
+    assert (named["tau1"], named["q2"]) == ("elbow", "elbow")
+    assert (named["q1"], named["tau2"]) == ("joint_1", "joint_2")
+
+
+def test_a_number_of_a_log_is_that_of_the_model_s_joint() -> None:
+    channels = [b.channel for b in six(1, 1) if b.channel.name[-1] not in "16"]
+    found = believe(Log(kind="CSV", channels=channels))
+    assert joint_names(found, SIX) == ["joint2", "joint3", "joint4", "joint5"]
+    assert joint_names(six(0, 0), [*SIX, "joint7"]) == SIX
+    assert joint_names(six(1, 1), ["a", "b", "c", "d", "e", "f"]) == ["a", "b", "c", "d", "e", "f"]
