@@ -1,11 +1,16 @@
 """Load a session: read its files, refuse what cannot be right, bring its trials to one clock."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from analysis.closeloop.errors import SessionError
 from analysis.closeloop.exchanged import check_exchanged
+from analysis.closeloop.magnitudes import SAID, are_magnitudes
 from analysis.closeloop.misdeclared import check_declared
 from analysis.closeloop.odd_trials import check_odd_trials
+from analysis.closeloop.session.contents import Trial
+from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.mjcf import load_device
 from analysis.closeloop.session.plausibility import (
     check_copies,
@@ -39,6 +44,8 @@ def load_session(folder: Path) -> Recording:
         check_exchanged(trial, device, session.limb_joints)
         trials.append(checked_trial(trial, device, session.limb_joints))
     check_copies(trials)
+    if not session.limb_joints:
+        check_signed(trials, device)
     check_saturated(trials, device)
     session = unread_sensors(session, {name for trial in trials for name in trial.columns})
     recording = record(replace(session, trials=tuple(trials)), device)
@@ -50,3 +57,22 @@ def load_session(folder: Path) -> Recording:
     for trial in trials:
         check_torque(trial, device, session.limb_joints)
     return recording
+
+
+def check_signed(trials: Sequence[Trial], device: Device) -> None:
+    """Refuse a robot's efforts without their sign: each joint would be told to be turned round.
+
+    Raises:
+        SessionError: names the first effort.
+    """
+    names = [
+        name
+        for name in device.recorded_joints
+        if all(f"{name}.effort" in trial.columns for trial in trials)
+    ]
+    signals = {
+        name: [(t.columns[f"{name}.position"], t.columns[f"{name}.effort"]) for t in trials]
+        for name in names
+    }
+    if are_magnitudes(signals):
+        raise SessionError(SAID, file=trials[0].file, column=f"{names[0]}.effort", line=2)

@@ -48,7 +48,7 @@ def inspect(
     """
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.logs.assignment import AS_SAID, assigned, of_factors
-    from analysis.closeloop.logs.draft import of_currents, write_session
+    from analysis.closeloop.logs.draft import of_currents, of_magnitudes, write_session
     from analysis.closeloop.logs.inspection import believe, of_rates
     from analysis.closeloop.logs.joints import (
         joints_in,
@@ -68,7 +68,7 @@ def inspect(
             left = write_session(out, file.stem, beliefs, joints, model) if out else []
             left += of_currents(beliefs, joints)
             left += of_other_joints([joints[number] for number in there], known)
-            left += of_parted_joints(beliefs, joints)
+            left += of_parted_joints(beliefs, joints) + of_magnitudes(beliefs)
             left += of_factors(believed, said or ())
             if not any(b.why == AS_SAID and b.joint is not None for b in beliefs):
                 left += of_only_joint(beliefs, known)

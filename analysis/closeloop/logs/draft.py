@@ -15,6 +15,7 @@ from analysis.closeloop.logs.clock import stretches
 from analysis.closeloop.logs.joints import joints_in
 from analysis.closeloop.logs.log import Numbers
 from analysis.closeloop.logs.units import UNITS
+from analysis.closeloop.magnitudes import SAID, are_magnitudes
 from intake.xml import listed
 
 #: What signals without any unit are taken for.
@@ -42,6 +43,22 @@ def of_currents(beliefs: Sequence[Belief], joints: Sequence[str]) -> list[str]:
             "current of 1 A is taken for 1 Nm, and no torque, mass or stiffness found is right",
         )
     return [*said.values()]
+
+
+def of_magnitudes(beliefs: Sequence[Belief]) -> list[str]:
+    """Say of efforts, or of the currents in their place, that they lack their sign."""
+    having: dict[str, dict[int, Numbers]] = {"position": {}, "effort": {}}
+    for belief in sorted(beliefs, key=lambda belief: belief.quantity == "current"):
+        quantity = "effort" if belief.quantity == "current" else belief.quantity
+        if quantity in having and belief.joint is not None and not belief.wanted:
+            having[quantity].setdefault(belief.joint, belief.channel.values)
+    efforts = having["effort"]
+    joints = {
+        str(joint): [(position, efforts[joint])]
+        for joint, position in having["position"].items()
+        if joint in efforts and len(position) == len(efforts[joint])
+    }
+    return [SAID] if are_magnitudes(joints) else []
 
 
 def write_session(
