@@ -15,11 +15,16 @@ WORDS: Mapping[str, tuple[str, ...]] = {
         *("time", "timestamp", "stamp", "t", "sec", "secs", "msec", "clock", "zeit"),
         *("seconds", "milliseconds"),
     ),
-    "position": ("position", "pos", "q", "angle", "theta", "winkel"),
-    "velocity": ("velocity", "vel", "qd", "dq", "v", "qdot", "speed", "omega"),
-    "acceleration": ("acceleration", "acc", "qdd", "ddq", "qddot"),
-    "effort": ("effort", "eff", "torque", "tau", "force", "trq", "moment", "drehmoment"),
-    "current": ("current", "curr", "i", "amp", "amps", "strom"),
+    "position": ("position", "positions", "pos", "q", "angle", "angles", "theta", "winkel"),
+    "velocity": (
+        *("velocity", "velocities", "vel", "qd", "dq", "v", "qdot", "speed", "speeds", "omega"),
+    ),
+    "acceleration": ("acceleration", "accelerations", "acc", "qdd", "ddq", "qddot"),
+    "effort": (
+        *("effort", "efforts", "eff", "torque", "torques", "tau", "force", "trq", "moment"),
+        "drehmoment",
+    ),
+    "current": ("current", "currents", "curr", "i", "amp", "amps", "strom"),
 }
 #: What is written in one with such a word of three letters or more: `jpos0`, `qvel`.
 OF_JOINTS = ("joint", "j", "q")

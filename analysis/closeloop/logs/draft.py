@@ -100,12 +100,15 @@ def write_session(
     taken = dict(sorted(taken.items(), key=lambda item: places[id(item[1])]))
     for quantity in ("position", "effort"):
         if not any(name.endswith(f".{quantity}") for name in taken):
-            channels = listed(b.channel.name for b in beliefs if b.quantity != "time")
-            raise SessionError(
-                f"no {quantity} is known among {channels}: name its channel, as in --as "
-                f"'CHANNEL=elbow.{quantity}*FACTOR_TO_SI'",
-                file=stem,
+            channels = [b.channel.name for b in beliefs if b.quantity != "time"]
+            why = (
+                f"no {quantity} is known among {listed(channels)}: name its channel, as in --as "
+                f"'CHANNEL=elbow.{quantity}*FACTOR_TO_SI'"
+                if channels
+                else "no column beside the clock holds numbers: `rehyb inspect` without --out says "
+                "what the others hold"
             )
+            raise SessionError(why, file=stem)
     position = next(b for name, b in taken.items() if name.endswith(".position"))
     time = position.channel.time
     if time is None:

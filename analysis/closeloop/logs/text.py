@@ -19,6 +19,8 @@ from analysis.closeloop.logs.units import unit_of
 #: Of those in as many lines, the first: a decimal comma stands beside another separator.
 SEPARATORS = (";", "\t", "|", ",")
 COMMENTS = ("#", "%", "//")
+#: Characters of a cell without a number that are told.
+TOLD = 30
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*")
 #: What a cell with a unit looks like.
 UNIT_CELL = re.compile(r"[\[(]?[A-Za-zµ°%/·^²0-9 .-]{0,10}[\])]?")
@@ -31,6 +33,9 @@ STAMP = re.compile(r"(?P<date>[\d./-]{8,10}[ T])?(?P<time>\d{1,2}:\d\d:\d\d.*)")
 #: Lines from the middle of a file by which its columns are told, and those that may be a header.
 LINES = 50
 MAX_BYTES = 400_000_000
+#: A cell that holds the numbers of several joints, as programs print arrays, and its most numbers.
+ARRAY = re.compile(r"\s*[\[(]([-+\d.eE,;\s]+)[\])]\s*")
+MOST_IN_A_CELL = 40
 
 
 def read(path: Path) -> Log:
@@ -62,6 +67,8 @@ def read(path: Path) -> Log:
             f"{len(rows) - len(whole)} of {len(rows)} lines have another number of columns than "
             f"{width} and were left out"
         )
+    first = rows.index(whole[0])
+    width, whole = _spread(whole)
     comma = any(DECIMAL_COMMA.fullmatch(cell) for row in _middle(whole) for cell in row)
 
     def parse(cell: str) -> float | None:
@@ -71,7 +78,7 @@ def read(path: Path) -> Log:
     head = whole[:begin]
     if not head:
         # A header among comments, or one whose names hold spaces.
-        above = lines[: rows.index(whole[0])][-2:]
+        above = lines[:first][-2:]
         head = [row for line in [*comments, *above] if (row := _cells(line, split, width))]
     names = _names(head, width, log)
     if begin == len(whole):
@@ -84,7 +91,8 @@ def read(path: Path) -> Log:
             stamps = any(":" in cell or cell.endswith(DURATION) for cell in column[:LINES])
             log.channels.append(Channel(name=name, values=values, unit="s" if stamps else None))
         else:
-            log.remarks.append(f"{name} holds no numbers and was left out")
+            text = next((cell.strip() for cell in column if cell.strip()), "")[:TOLD]
+            log.remarks.append(f"{name} holds no numbers, but {text!r}, and was left out")
     join_trials(log)
     return log
 
@@ -103,6 +111,46 @@ def _splitting(lines: Sequence[str]) -> Callable[[Sequence[str]], list[list[str]
 
 def _middle(items: Sequence[Any]) -> Sequence[Any]:
     return items[max(0, len(items) // 2 - LINES // 2) : len(items) // 2 + LINES // 2]
+
+
+def _spread(rows: list[list[str]]) -> tuple[int, list[list[str]]]:
+    """Return the width of rows, and them, with the arrays in a cell a column for each number.
+
+    A header's `q` becomes `q[0]`, `q[1]`, ...; what is no array of so many numbers, missing.
+    """
+    lengths = {}
+    for at in range(len(rows[0])):
+        arrays = [len(_array(row[at])) for row in _middle(rows)]
+        most = Counter(arrays).most_common(1)[0][0]
+        if 0 < most <= MOST_IN_A_CELL and arrays.count(most) > len(arrays) / 2:
+            lengths[at] = most
+    if not lengths:
+        return len(rows[0]), rows
+    found = [
+        [
+            cell
+            for at, whole in enumerate(row)
+            for cell in (_parted(whole, lengths[at], top=n < LINES) if at in lengths else [whole])
+        ]
+        for n, row in enumerate(rows)
+    ]
+    return len(found[0]), found
+
+
+def _parted(cell: str, count: int, *, top: bool) -> list[str]:
+    """Return the numbers in a cell, (count,); above the samples, with `top`, names of columns."""
+    numbers = _array(cell)
+    if len(numbers) == count:
+        return numbers
+    named = top and not numbers and any(mark.isalpha() for mark in cell)
+    return [f"{cell.strip()}[{n}]" for n in range(count)] if named else [""] * count
+
+
+def _array(cell: str) -> list[str]:
+    """Return what numbers an array in a cell holds; none if it is none."""
+    found = ARRAY.fullmatch(cell)
+    parts = re.split(r"[,;\s]+", found[1].strip(" ,;\t")) if found else []
+    return parts if all(_number(part) is not None for part in parts) else []
 
 
 def _begin(rows: Sequence[Sequence[str]], parse: Callable[[str], float | None]) -> int:

@@ -44,7 +44,7 @@ def test_empty_cells_are_missing_samples_and_text_columns_are_named(tmp_path: Pa
     (tmp_path / "log.csv").write_text(text)
     log = read_log(tmp_path / "log.csv")
     assert np.isnan(log.channels[1].values[7])
-    assert log.remarks == ["state holds no numbers and was left out"]
+    assert log.remarks == ["state holds no numbers, but 'run', and was left out"]
 
 
 def test_a_matlab_file_with_structures(tmp_path: Path) -> None:
@@ -278,3 +278,32 @@ def test_a_damaged_matlab_file_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "log.mat").write_bytes(raw)
     with pytest.raises(SessionError, match=r"log\.mat"):
         read_log(tmp_path / "log.mat")
+
+
+@pytest.mark.parametrize(
+    ("array", "mark"), [("[{}, {}]", ","), ("[{} {}]", ","), ("({}, {})", ","), ("[{}, {}]", ";")]
+)
+def test_a_cell_that_holds_an_array_is_a_column_for_each_of_its_numbers(
+    tmp_path: Path, array: str, mark: str
+) -> None:
+    """Recorders write all joints' positions into one cell; they were left out as no numbers."""
+    lines = [mark.join(["kind", "timestamp", "positions", "torques"])]
+    for n in range(N):
+        cells = [array.format(0.1 * n, -0.2 * n), array.format(n % 7, 1e-3 * n)]
+        lines.append(mark.join(["STATE", f"{0.01 * n}", *(f'"{cell}"' for cell in cells)]))
+    lines[5] = lines[5].replace("STATE", "").replace("]", "")
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    log = read_log(tmp_path / "log.csv")
+    assert [channel.name for channel in log.channels] == [
+        *("timestamp", "positions[0]", "positions[1]", "torques[0]", "torques[1]")
+    ]
+    assert log.channels[2].values[10] == pytest.approx(-2.0)
+    assert log.remarks == ["kind holds no numbers, but 'STATE', and was left out"]
+
+
+def test_text_that_only_looks_like_an_array_is_none(tmp_path: Path) -> None:
+    text = "t,q,state\n" + "".join(f'{n},{n},"[run, {n}]"\n' for n in range(N))
+    (tmp_path / "log.csv").write_text(text)
+    log = read_log(tmp_path / "log.csv")
+    assert [channel.name for channel in log.channels] == ["t", "q"]
+    assert log.remarks == ["state holds no numbers, but '[run, 0]', and was left out"]
