@@ -53,6 +53,7 @@ def inspect(
     from analysis.closeloop.logs.joints import (
         joints_in,
         of_only_joint,
+        of_order,
         of_other_joints,
         of_parted_joints,
     )
@@ -71,7 +72,7 @@ def inspect(
             left += of_parted_joints(beliefs, joints) + of_magnitudes(beliefs)
             left += of_factors(believed, said or ())
             if not any(b.why == AS_SAID and b.joint is not None for b in beliefs):
-                left += of_only_joint(beliefs, known)
+                left += of_only_joint(beliefs, known) + of_order(beliefs, known)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     rows = [_row(belief, joints) for belief in beliefs]

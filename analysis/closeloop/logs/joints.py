@@ -93,6 +93,19 @@ def of_only_joint(beliefs: Sequence[Belief], known: Sequence[str]) -> list[str]:
     return [f"the log's only joint, {own[0]}, is taken for the model's, {known[0]}"]
 
 
+def of_order(beliefs: Sequence[Belief], known: Sequence[str]) -> list[str]:
+    """Say that joints without names are taken for the model's in its order, which may be wrong."""
+    joints = {belief.joint: belief for belief in reversed(beliefs) if belief.joint is not None}
+    if not len(joints) == len(known) > 1 or _by_number(beliefs, known):
+        return []
+    if any(map(joint_name, joints.values())):
+        return []
+    return [
+        f"the log names no joint, and its joints are taken in the model's order, {listed(known)}: "
+        "if that is wrong, say --as 'CHANNEL=JOINT.QUANTITY' of each channel"
+    ]
+
+
 def of_other_joints(names: Sequence[str], known: Sequence[str]) -> list[str]:
     """Say which joints of a log a model does not have."""
     unknown = [name for name in names if name not in known]
@@ -122,7 +135,9 @@ def of_parted_joints(beliefs: Sequence[Belief], names: Sequence[str]) -> list[st
 
 
 def joints_in(model: Path) -> list[str]:
-    """Return the names of the hinges and slides of an MJCF or URDF file, in the file's order.
+    """Return the names of the hinges and slides of an MJCF or URDF file, from base to tip.
+
+    In the file's order but for joints of a URDF that stand before what carries them.
 
     Raises:
         SessionError: the file is no XML.
@@ -132,10 +147,38 @@ def joints_in(model: Path) -> list[str]:
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise SessionError(f"is no XML: {error}", file=model.name) from None
     # A URDF names them again in what it says to drivers and simulators, and MJCF in constraints.
-    parents = [root] if root.tag == "robot" else [*root.iter("worldbody"), *root.iter("body")]
+    if root.tag == "robot":
+        joints = _from_base(root.findall("joint"))
+    else:
+        parents = [*root.iter("worldbody"), *root.iter("body")]
+        joints = [joint for parent in parents for joint in parent.findall("joint")]
     return [
         joint.get("name", "")
-        for parent in parents
-        for joint in parent.findall("joint")
+        for joint in joints
         if joint.get("name") and joint.get("type", "hinge") not in MANY_OR_NONE
     ]
+
+
+def _from_base(joints: Sequence[ElementTree.Element]) -> list[ElementTree.Element]:
+    """Return the joints of a URDF, each after those that carry it, else in order.
+
+    Some programs write them from the tip, and logs begin at the base.
+    """
+
+    def link(joint: ElementTree.Element, side: str) -> str:
+        found = joint.find(side)
+        return "" if found is None else found.get("link", "")
+
+    carrier = {link(joint, "child"): joint for joint in joints}
+    found: dict[int, ElementTree.Element] = {}
+    for joint in joints:
+        chain = [joint]
+        # Longer than all joints is a circle, which the model's reader refuses.
+        while (
+            len(chain) <= len(joints)
+            and (below := carrier.get(link(chain[-1], "parent"))) is not None
+        ):
+            chain.append(below)
+        for own in reversed(chain):
+            found.setdefault(id(own), own)
+    return [*found.values()]

@@ -15,6 +15,7 @@ from analysis.closeloop.logs.joints import (
     joint_names,
     joints_in,
     of_only_joint,
+    of_order,
     of_other_joints,
     of_parted_joints,
 )
@@ -380,3 +381,40 @@ def test_a_number_of_a_log_is_that_of_the_model_s_joint() -> None:
     assert joint_names(found, SIX) == ["joint2", "joint3", "joint4", "joint5"]
     assert joint_names(six(0, 0), [*SIX, "joint7"]) == SIX
     assert joint_names(six(1, 1), ["a", "b", "c", "d", "e", "f"]) == ["a", "b", "c", "d", "e", "f"]
+
+
+def test_plural_words_are_those_of_quantities() -> None:
+    arrays = {"t": TIME}
+    arrays |= {f"positions[{n}]": np.sin(TIME + n) for n in range(3)}
+    arrays |= {f"torques[{n}]": np.cos(3 * TIME + n) for n in range(3)}
+    channels = [Channel(name=name, values=values) for name, values in arrays.items()]
+    found = believe(Log(kind="CSV", channels=channels))
+    assert [b.quantity for b in found[1:]] == ["position"] * 3 + ["effort"] * 3
+    assert [b.joint for b in found[1:]] == [0, 1, 2, 0, 1, 2]
+    (said,) = of_order(found, ["shoulder", "elbow", "wrist"])
+    assert "in the model's order, shoulder, elbow, wrist: " in said
+    assert of_order(found, ["j0", "j1", "j2"]) == of_order(found, ["shoulder"]) == []
+
+
+def test_a_log_of_words_alone_is_told_so(tmp_path: Path) -> None:
+    clock = believe(Log(kind="CSV", channels=[Channel(name="t", values=TIME)]))
+    with pytest.raises(SessionError, match="no column beside the clock holds numbers"):
+        write_session(tmp_path / "s", "log", clock, [])
+
+
+def test_joints_of_a_urdf_are_told_from_base_to_tip(tmp_path: Path) -> None:
+    """Some programs write them from the tip; a log's first joint became the gripper."""
+
+    def joint(name: str, parent: str, child: str) -> str:
+        sides = f'<parent link="{parent}"/><child link="{child}"/>'
+        return f'<joint name="{name}" type="revolute">{sides}</joint>'
+
+    chain = [joint("grip", "c", "d"), joint("elbow", "b", "c"), joint("pan", "a", "b")]
+    arms = [joint("left", "a", "l"), joint("right", "a", "r"), joint("hand", "l", "h")]
+    for joints, expected in (
+        (chain, ["pan", "elbow", "grip"]),
+        (arms, ["left", "right", "hand"]),
+        ([joint("one", "a", "b"), joint("two", "b", "a")], ["one", "two"]),
+    ):
+        (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{"".join(joints)}</robot>')
+        assert joints_in(tmp_path / "arm.urdf") == expected
