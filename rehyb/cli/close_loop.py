@@ -4,7 +4,8 @@ import json
 import re
 import sys
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,6 +18,9 @@ from rehyb.cli.study.size import Yes, check_study
 from rehyb.client import Client, Json
 from rehyb.client.close_loops import close_loop_by_worker
 from rehyb.errors import Invalid, check_pictures, refusing
+
+#: Time before stages are told where nobody may be looking, s.
+QUIET = 5.0
 
 
 @answering
@@ -40,7 +44,7 @@ def close_loop(
     with naming_older(out):
         if submit:
             with Client(url, token) as client:
-                report = close_loop_by_worker(client, session, out, _show)
+                report = close_loop_by_worker(client, session, out, _showing())
         else:
             report = _close_here(session, out)
     return Answer(report, "\n".join(_lines(report, out)))
@@ -65,12 +69,26 @@ def _close_here(session: Path, out: Path) -> Json:
     from analysis.closeloop.session.archive import opened
 
     with refusing(SessionError), opened(session) as folder:
-        return close(folder, out, _show)
+        return close(folder, out, _showing())
 
 
-def _show(stage: str) -> None:
-    if sys.stderr.isatty():
-        print(f"rehyb: {stage}", file=sys.stderr)
+def _showing() -> Callable[[str], None]:
+    """Return what says on standard error which stage begins.
+
+    A file or a pipe gets what takes long alone, with the time, so that an error stays one line.
+    """
+    begin, last = time.monotonic(), ""
+
+    def show(stage: str) -> None:
+        nonlocal last
+        seconds = time.monotonic() - begin
+        if sys.stderr.isatty():
+            print(f"rehyb: {stage}", file=sys.stderr)
+        elif seconds >= QUIET and stage != last:
+            print(f"rehyb: {stage}, after {seconds:.0f} s", file=sys.stderr, flush=True)
+            last = stage
+
+    return show
 
 
 @answering
@@ -187,6 +205,8 @@ def _lines(report: Json, out: Path) -> Iterator[str]:
             yield f"    {name:20} {entry['value']: 9.4g} [{low:.4g}, {high:.4g}] {entry['unit']}"
         if effect["indistinguishable_from"]:
             yield f"    looks like {', '.join(effect['indistinguishable_from'])}"
+    for entry in report.get("declared", ()):
+        yield from _of_declared(entry)
     if report["error"]["holdout"]:
         yield "  held-out error (root mean square; the model as declared -> as repaired)"
     for joint, error in report["error"]["holdout"].items():
@@ -206,3 +226,22 @@ def _lines(report: Json, out: Path) -> Iterator[str]:
     for line in (*report["advice"], *report["warnings"]):
         yield f"  {line}"
     yield str(out / "report.html")
+
+
+def _of_declared(entry: Json) -> Iterator[str]:
+    """Yield what was found of a declared effect or load, line by line."""
+    called = f" {entry['name']}" if "name" in entry else ""
+    yield f"  declared {entry['effect']}{called} at {entry.get('joint') or entry['body']}"
+    for name, found in entry["parameters"].items():
+        # A place has a value and an interval along each axis.
+        parts = [(name, found["value"], found["ci90"])]
+        if isinstance(found["value"], list):
+            every = found["ci90"] or [None] * len(found["value"])
+            axes = [f"{name}_{axis}" for axis in "xyz"]
+            parts = [*zip(axes, found["value"], every, strict=True)]
+        for label, value, interval in parts:
+            if value is None:
+                yield f"    {label:20} not determined"
+                continue
+            low, high = interval or (value, value)
+            yield f"    {label:20} {value: 9.4g} [{low:.4g}, {high:.4g}] {found['unit']}"

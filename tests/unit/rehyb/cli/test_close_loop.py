@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from analysis.closeloop.report.unexplained import OF_SIGNALS
-from rehyb.cli.close_loop import _lines, naming_older
+from rehyb.cli import close_loop
+from rehyb.cli.close_loop import _lines, _showing, naming_older
 from rehyb.errors import Invalid
 
 
@@ -65,3 +66,48 @@ def test_what_is_refused_says_that_a_report_in_the_folder_is_older(tmp_path: Pat
     assert refused() == "a.csv is wrong"
     (tmp_path / "report.json").touch()
     assert refused().startswith("a.csv is wrong") and "is an older answer" in refused()
+
+
+def test_a_declared_payload_is_printed_with_its_interval() -> None:
+    """Its mass stood in report.json alone."""
+    place = [[-0.02, 0.01], None, [0.05, 0.3]]
+    weight = {
+        "effect": "payload",
+        "name": "weight",
+        "body": "link6",
+        "parameters": {
+            "mass": {"value": 0.1717, "ci90": [0.1139, 0.2294], "unit": "kg"},
+            "position": {"value": [-0.01, None, 0.18], "ci90": place, "unit": "m"},
+            "inertia": {"value": None, "ci90": None, "unit": "kg m2"},
+        },
+    }
+    lines = [*_lines(report() | {"declared": [weight]}, Path("out"))]
+    assert lines[1:7] == [
+        "  declared payload weight at link6",
+        "    mass                    0.1717 [0.1139, 0.2294] kg",
+        "    position_x               -0.01 [-0.02, 0.01] m",
+        "    position_y           not determined",
+        "    position_z                0.18 [0.05, 0.3] m",
+        "    inertia              not determined",
+    ]
+    rubs = {"effect": "coulomb_friction", "joint": "elbow", "parameters": {}}
+    assert "  declared coulomb_friction at elbow" in [
+        *_lines(report() | {"declared": [rubs]}, Path("out"))
+    ]
+
+
+def test_a_file_is_told_of_stages_once_it_takes_long(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of minutes on six joints nothing was said, for standard error was no terminal."""
+    now = [100.0]
+    monkeypatch.setattr(close_loop.time, "monotonic", lambda: now[0])
+    show = _showing()
+    show("reading")
+    now[0] = 142.0
+    for stage in ("queued", "queued", "joint3: what else"):
+        show(stage)
+    assert capsys.readouterr().err.splitlines() == [
+        "rehyb: queued, after 42 s",
+        "rehyb: joint3: what else, after 42 s",
+    ]
