@@ -35,6 +35,7 @@ from analysis.closeloop.report.shared import (
     undetermined_loads,
     unnamed_load_entries,
 )
+from analysis.closeloop.report.still import of_left_out
 from analysis.closeloop.report.unexplained import (
     at_rest_where_worse,
     far_from_floor,
@@ -64,15 +65,16 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
             "no trial has the role holdout: the errors under holdout are of each part of the fit "
             "trials, predicted by a fit to the other parts"
         )
+    errors = {
+        "holdout": _errors(outcome, outcome.holdout, relative=True),
+        "fit": _errors(outcome, outcome.fit, relative=False),
+    }
     report = {
         "schema": SCHEMA,
         "verdict": verdict,
         "convention": CONVENTION,
         "effects": effects,
-        "error": {
-            "holdout": _errors(outcome, outcome.holdout, relative=True),
-            "fit": _errors(outcome, outcome.fit, relative=False),
-        },
+        "error": errors,
         "impedance": impedance,
         "identified": identified,
         "declared": declared,
@@ -84,6 +86,7 @@ def json_report(outcome: Outcome) -> dict[str, Any]:
         "advice": [*advice(outcome), *trials_that_tell(identified)],
         "warnings": [
             *warnings,
+            *of_left_out(recording, errors["fit"]),
             *far_from_floor(outcome),
             *where_unjudged(outcome, left),
             *of_wrong_torques(outcome),

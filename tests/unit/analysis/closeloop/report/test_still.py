@@ -2,18 +2,22 @@
 
 import ast
 import inspect
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.closeloop.identification.findings import Event
+from analysis.closeloop.load import load_session
 from analysis.closeloop.report import json_report
-from analysis.closeloop.report.still import still_answer
+from analysis.closeloop.report.still import of_left_out, still_answer
 from analysis.closeloop.report.unexplained import event_entries, untouched
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
+from tests.testbed.sessions.upright import joint_by_joint
 
 
 def fields_of_a_report() -> set[str]:
@@ -36,6 +40,22 @@ def test_it_has_every_field_of_another_report(recording: Recording) -> None:
     report = still_answer(still, ()).report
     assert fields_of_a_report() == set(report)
     assert report["verdict"] == "not_identifiable"
+
+
+def test_a_joint_that_no_fitted_trial_moves_is_told(tmp_path: Path) -> None:
+    """It was missing among the errors without a word."""
+    joint_by_joint(tmp_path)
+    file = tmp_path / "session.json"
+    session = json.loads(file.read_text())
+    session["trials"][2]["role"] = "holdout"
+    file.write_text(json.dumps(session))
+    recording = load_session(tmp_path)
+    said = [recording.name(joint) for joint in recording.joints]
+    assert said == ["pan", "lift"]
+    assert of_left_out(recording, said) == [
+        "bend does not move in the trials that are fitted: nothing is said of it"
+    ]
+    assert of_left_out(recording, [*said, "bend"]) == []
 
 
 def test_an_event_has_the_torque_that_somebody_puts_on_the_joint_too(recording: Recording) -> None:
