@@ -58,6 +58,7 @@ def inspect(
         of_parted_joints,
     )
     from analysis.closeloop.logs.reading import read_log
+    from analysis.closeloop.logs.variants import of_variants
 
     try:
         with needs_extra(file.name, "logs"), refusing(SessionError):
@@ -70,6 +71,7 @@ def inspect(
             left += of_currents(beliefs, joints)
             left += of_other_joints([joints[number] for number in there], known)
             left += of_parted_joints(beliefs, joints) + of_magnitudes(beliefs)
+            left += of_variants(beliefs)
             left += of_factors(believed, said or ())
             if not any(b.why == AS_SAID and b.joint is not None for b in beliefs):
                 left += of_only_joint(beliefs, known) + of_order(beliefs, known)

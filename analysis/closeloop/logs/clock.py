@@ -16,6 +16,8 @@ from analysis.closeloop.logs.units import UNITS
 STEPS = (1e-5, 0.2)
 #: Share of a clock's steps that increase without a gap, and of its samples that have a stamp.
 MOSTLY = 0.98
+#: Share of steps back of what is no clock: one that begins anew has few.
+BACK = 0.1
 #: Part of another clock's jitter that a more even one has at most. (Of a real bag: 0.06.)
 EVENER = 0.75
 #: A step back by more median steps is a restart; a smaller one, or none, a stamp that repeats.
@@ -111,6 +113,10 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
             chosen, time = at, own
             why = f"increases by {step:.4g} {unit} a sample"
             beliefs[at] = replace(belief, quantity="time", unit=unit, scale=CLOCKS[unit], why=why)
+    for other in group:
+        if other != chosen and beliefs[other].quantity == "time" and _goes_back(beliefs[other]):
+            why = "goes back again and again: no clock"
+            beliefs[other] = replace(beliefs[other], quantity="unknown", why=why)
     if chosen is None or time is None:
         return
     _set_time(beliefs, group, time)
@@ -136,6 +142,12 @@ def _ticks(belief: Belief) -> tuple[str | None, float]:
     if not regular or not units:
         return None, median
     return belief.unit if belief.unit in units else units[0], median
+
+
+def _goes_back(belief: Belief) -> bool:
+    """Whether a channel with a clock's name is none: `t` is a torque to some."""
+    steps = np.diff(belief.channel.values[np.isfinite(belief.channel.values)])
+    return len(steps) > 0 and float(np.mean(steps < 0.0)) > BACK
 
 
 def _stamps_positions(beliefs: Sequence[Belief], group: Sequence[int], at: int) -> bool:

@@ -25,6 +25,7 @@ from analysis.closeloop.logs.clock import find_clock, set_rate
 from analysis.closeloop.logs.derivatives import FEWEST, find_derivatives, find_rate
 from analysis.closeloop.logs.log import Log, Numbers
 from analysis.closeloop.logs.units import UNITS
+from analysis.closeloop.logs.variants import without_dead, without_forms
 
 #: More than that of an angle in rad is two turns either way; a joint seldom does it.
 TURNS = 4 * pi
@@ -63,7 +64,9 @@ def believe(log: Log, rate_hz: float | None = None) -> list[Belief]:
     _find_blocks(beliefs)
     beliefs = [held(belief) for belief in beliefs]
     _find_units(beliefs)
+    without_forms(beliefs)
     _number_joints(beliefs)
+    without_dead(beliefs)
     return beliefs
 
 

@@ -12,6 +12,7 @@ from analysis.closeloop.logs.inspection import believe, of_rates
 from analysis.closeloop.logs.joints import joint_names
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.reading import read_log
+from analysis.closeloop.logs.variants import of_variants
 
 DEG = 180 / np.pi
 
@@ -379,3 +380,68 @@ def test_a_franka_wants_what_it_calls_q_d_and_its_hand_is_no_joint() -> None:
     # Of four joints a to d none is what another should be.
     letters = {f"q_{letter}": q[:, 0] + n for n, letter in enumerate("abcd")}
     assert not any(b.wanted for b in believed(time=m["time"], **letters).values())
+
+
+def forms(raw: str = "raw") -> dict[str, np.ndarray]:
+    """Return channels of two joints whose positions a program wrote raw and filtered."""
+    m, rng = motion(joints=2), np.random.default_rng(3)
+    channels = {"time": m["time"]}
+    for n in range(2):
+        q = m["position"][:, n]
+        channels |= {f"q_filt[{n}]": q, f"q_{raw}[{n}]": q + 1e-3 * rng.standard_normal(len(q))}
+        channels |= {f"tau_filt[{n}]": np.cos(q), f"t_filt[{n}]": np.sin(3 * q)}
+    return channels
+
+
+def test_forms_of_one_signal_are_no_further_joints() -> None:
+    found = believed(**forms())
+    assert [(b.quantity, b.joint) for n, b in found.items() if n.startswith("q_raw")] == [
+        *(("position", 0), ("position", 1))
+    ]
+    assert [found[f"tau_filt[{n}]"].joint for n in range(2)] == [0, 1]
+    assert found["q_filt[1]"].quantity == "unknown"
+    assert of_variants([*found.values()]) == [
+        "left out: q_filt (other forms of what is taken: q_filt[1] is another form of q_raw[1])"
+    ]
+
+
+def test_names_of_joints_that_are_no_forms_stay() -> None:
+    found = believed(**forms(raw="left"))
+    assert found["q_left[0]"].quantity == found["q_filt[0]"].quantity == "position"
+    assert of_variants([*found.values()]) == []
+    other = {name: values for name, values in forms().items() if not name.startswith("q_raw")}
+    other |= {f"q_raw[{n}]": np.cos(7 * other["time"] + n) for n in range(2)}
+    assert of_variants([*believed(**other).values()]) == []
+
+
+def test_what_goes_back_again_and_again_is_no_time() -> None:
+    """`t` is a torque to some: six joints' of them were six clocks."""
+    found = believed(**forms())
+    assert found["time"].quantity == "time"
+    assert found["t_filt[0]"].quantity == "unknown" and "no clock" in found["t_filt[0]"].why
+
+
+def kinova(dead: float, size: float) -> dict[str, Belief]:
+    """Return what is believed of two sets of efforts, of which one's last is so large."""
+    m = motion(joints=3)
+    channels = {"Time": m["time"]}
+    for n in range(3):
+        q = m["position"][:, n]
+        channels |= {f"Position{n + 1}": q, f"TorqueCur{n + 1}": np.cos(3 * q)}
+        channels |= {f"Torque{n + 1}": size * (dead if n == 2 else 0.3) * np.cos(3 * q)}
+    order = sorted(channels, key=lambda name: name.startswith("TorqueCur"))
+    return believed(**{name: channels[name] for name in order})
+
+
+def test_of_two_sets_of_efforts_the_one_that_feels_every_joint_is_taken() -> None:
+    found = kinova(dead=1e-3, size=1.0)
+    assert [found[f"TorqueCur{n}"].joint for n in (1, 2, 3)] == [0, 1, 2]
+    assert {found[f"Torque{n}"].quantity for n in (1, 2, 3)} == {"unknown"}
+    (said,) = of_variants([*found.values()])
+    assert "Torque3 feels nothing where Position3 moves, beside TorqueCur3" in said
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_two_sets_in_other_units_are_left_alone(size: float) -> None:
+    found = kinova(dead=0.1, size=size)
+    assert found["Torque1"].quantity == found["TorqueCur1"].quantity == "effort"
