@@ -15,6 +15,8 @@ from analysis.closeloop.logs.log import Channel, Log
 JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Numbers of one message of another kind that become channels: more is a picture or a map.
 MAX_NUMBERS = 40
+#: Topics without a signal that are told, where no other has one.
+TOLD = 20
 
 
 def read(path: Path) -> Log:
@@ -35,6 +37,7 @@ def read(path: Path) -> Log:
     tables: dict[str, list[np.ndarray]] = defaultdict(list)
     failed: dict[str, str] = {}
     large: dict[str, str] = {}
+    kinds: dict[str, str] = {}
     count: dict[str, int] = defaultdict(int)
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
@@ -48,6 +51,7 @@ def read(path: Path) -> Log:
                     failed[connection.topic] = f"{why}, after {count[connection.topic]} messages"
                     continue
                 count[connection.topic] += 1
+                kinds[connection.topic] = connection.msgtype
                 if connection.msgtype != JOINT_STATE and (columns := table_of(message)):
                     for name, values in columns.items():
                         tables[f"{_dotted(connection.topic)}.{name}"].append(values)
@@ -80,6 +84,10 @@ def read(path: Path) -> Log:
         f"{topic} ({kind}) has messages of more than {MAX_NUMBERS} numbers, which were left out"
         for topic, kind in large.items()
     ]
+    if not log.channels and (others := count.keys() - large.keys()):
+        some = sorted(others)[:TOLD]
+        there = ", ".join(f"{topic} ({kinds[topic]}, {count[topic]} in all)" for topic in some)
+        log.remarks.append(f"no topic has two messages with numbers: {there}")
     log.remarks += [f"{topic} could not be read ({why})" for topic, why in failed.items()]
     return log
 

@@ -153,6 +153,28 @@ def test_a_bag_of_long_messages_alone_is_told_by_their_topic_and_kind(tmp_path: 
         read_log(tmp_path / "log")
 
 
+def test_a_bag_of_one_message_is_told_by_its_topic_and_kind(tmp_path: Path) -> None:
+    """As of a planned trajectory: it was said to have no column of two numbers, and no more."""
+    pytest.importorskip("rosbags", reason="needs the extra logs")
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = "trajectory_msgs/msg/JointTrajectory"
+    types: dict[str, Any] = store.types
+    stamp = types["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
+    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+    message = types[kind](header=header, joint_names=["elbow"], points=[])
+    with Writer(tmp_path / "log", version=9) as writer:
+        plan = writer.add_connection("/arm_controller/joint_trajectory", kind, typestore=store)
+        writer.write(plan, 1, store.serialize_cdr(message, kind))
+    with pytest.raises(
+        SessionError,
+        match=r"two messages .*: /arm_.*y \(traj.*Trajectory, 1 in all\)",
+    ):
+        read_log(tmp_path / "log")
+
+
 def test_a_message_of_equally_long_arrays_is_a_table_if_one_of_them_counts() -> None:
     """A PR2's messages held a second each: tick, milliseconds, position, velocity and torque."""
     n = np.arange(50.0)
