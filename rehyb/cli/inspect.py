@@ -63,8 +63,8 @@ def inspect(
     try:
         with needs_extra(file.name, "logs"), refusing(SessionError):
             log = read_log(file)
-            believed = believe(log, rate)
             known = joints_in(model) if model else []
+            believed = believe(log, rate, known)
             beliefs, joints = assigned(believed, said or (), known)
             there = sorted({b.joint for b in beliefs if b.joint is not None})
             left = write_session(out, file.stem, beliefs, joints, model) if out else []

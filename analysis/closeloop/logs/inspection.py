@@ -5,7 +5,7 @@ derivative of a position is a velocity, and the factor between them tells degree
 numbers cannot tell (a torque from a current, radians from degrees of a small motion) keeps a "?".
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from math import pi
 
@@ -23,6 +23,7 @@ from analysis.closeloop.logs.belief import (
 )
 from analysis.closeloop.logs.clock import find_clock, set_rate
 from analysis.closeloop.logs.derivatives import FEWEST, find_derivatives, find_rate
+from analysis.closeloop.logs.joints import as_positions
 from analysis.closeloop.logs.log import Log, Numbers
 from analysis.closeloop.logs.units import UNITS
 from analysis.closeloop.logs.variants import without_dead, without_forms
@@ -36,15 +37,16 @@ MOSTLY = 0.99
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def believe(log: Log, rate_hz: float | None = None) -> list[Belief]:
+def believe(log: Log, rate_hz: float | None = None, known: Collection[str] = ()) -> list[Belief]:
     """Return what each channel of the log is taken for, in the log's order.
 
     Args:
         log: what a file holds.
         rate_hz: at which channels without a clock were recorded, if that is known.
+        known: names of the model's joints.
     """
     named = desired([by_name(channel) for channel in log.channels])
-    beliefs = without_words_of_quantities(named)
+    beliefs = as_positions(without_words_of_quantities(named), known)
     groups: dict[object, list[int]] = {}
     for at, belief in enumerate(beliefs):
         time = belief.channel.time

@@ -1,7 +1,8 @@
 """What the joints of a log are called, and which joints of a robot's model they are."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,6 +12,9 @@ from intake.xml import listed
 
 #: Kinds of joints, in URDF or MJCF, that turn about or slide along no single axis.
 MANY_OR_NONE = ("fixed", "floating", "planar", "free", "ball")
+
+#: Why a channel is a position.
+OF_MODEL = "has the name of a joint of the model"
 
 
 def joint_name(belief: Belief) -> str | None:
@@ -22,6 +26,22 @@ def joint_name(belief: Belief) -> str | None:
     if dot and quantity == belief.quantity and joint:
         return joint
     return belief.stem if belief.stem and not belief.stem.isdigit() else None
+
+
+def as_positions(beliefs: Sequence[Belief], known: Collection[str]) -> list[Belief]:
+    """Return beliefs in which what has the name of a joint of the model is that joint's position.
+
+    As `theta` and `alpha` of a pendulum: no word says of the second what it is.
+    """
+    found = []
+    for belief in beliefs:
+        name, quantity = belief.channel.name.strip(), belief.quantity
+        if name in known and quantity == "position" and not belief.stem:
+            belief = replace(belief, stem=name)
+        elif name in known and quantity == "unknown" and not (belief.why or belief.wanted):
+            belief = replace(belief, quantity="position", stem=name, why=OF_MODEL)
+        found.append(belief)
+    return found
 
 
 def joint_names(beliefs: Sequence[Belief], known: Sequence[str] = ()) -> list[str]:

@@ -418,3 +418,17 @@ def test_joints_of_a_urdf_are_told_from_base_to_tip(tmp_path: Path) -> None:
     ):
         (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{"".join(joints)}</robot>')
         assert joints_in(tmp_path / "arm.urdf") == expected
+
+
+def test_what_has_the_name_of_the_model_s_joint_is_its_position() -> None:
+    """A pendulum's alpha was unknown, and its theta no joint of the model."""
+    arrays = {"t": TIME, "alpha": np.sin(3 * TIME), "target_alpha": TIME, "theta": np.cos(TIME)}
+    arrays |= {"alpha_tau": np.cos(2 * TIME)}
+    channels = [Channel(name=name, values=values) for name, values in arrays.items()]
+    found = believe(Log(kind="CSV", channels=channels), known=["theta", "alpha"])
+    _, joints = assigned(found, [], ["theta", "alpha"])
+    named = {b.channel.name: joints[b.joint] for b in found if b.joint is not None}
+    assert named == {"alpha": "alpha", "theta": "theta", "alpha_tau": "alpha"}
+    assert [b.quantity for b in found if not b.wanted] == [
+        *("time", "position", "position", "effort")
+    ]
