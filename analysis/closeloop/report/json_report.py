@@ -16,6 +16,7 @@ from analysis.closeloop.report.impedance import (
     trials_that_tell,
     undecided,
 )
+from analysis.closeloop.report.left_out import of_left_out
 from analysis.closeloop.report.named import (
     declared_entries,
     effect_entries,
@@ -35,7 +36,6 @@ from analysis.closeloop.report.shared import (
     undetermined_loads,
     unnamed_load_entries,
 )
-from analysis.closeloop.report.still import of_left_out
 from analysis.closeloop.report.unexplained import (
     at_rest_where_worse,
     far_from_floor,

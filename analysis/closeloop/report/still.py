@@ -1,6 +1,6 @@
 """The answer to a session in which no joint moves: whether somebody pushed, and nothing else."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,6 @@ from analysis.closeloop.report.answer import Answer
 from analysis.closeloop.report.plain import CONVENTION, finite, session_entry
 from analysis.closeloop.report.unexplained import floor_entries, only_events, untouched
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.runs import MOVING
 
 NOTHING_MOVES = (
     "no joint moves long enough to judge the model by: only pushes and knocks are looked for"
@@ -70,27 +69,6 @@ def still_answer(recording: Recording, events: Sequence[Event]) -> Answer:
         "ladder": [],
     }
     return Answer(report=finite(report), recording=recording, before=errors, after=errors)
-
-
-def of_left_out(recording: Recording, said: Collection[str]) -> list[str]:
-    """Say which joints with a recorded effort have no error here, and why.
-
-    Args:
-        recording: all trials.
-        said: joints of which the report has an error.
-    """
-    fitted = [recording.session.trials[number] for number in recording.fit_trials]
-    left = [
-        name
-        for name in recording.device.recorded_joints
-        if name not in said and any(f"{name}.effort" in trial.columns for trial in fitted)
-    ]
-    lines = []
-    for name in left:
-        moves = any(np.ptp(trial.columns[f"{name}.position"]) > MOVING for trial in fitted)
-        why = "has no effort throughout a piece of" if moves else "does not move in"
-        lines.append(f"{name} {why} the trials that are fitted: nothing is said of it")
-    return lines
 
 
 def _centred(error: TrialError) -> TrialError:

@@ -12,7 +12,8 @@ import pytest
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.load import load_session
 from analysis.closeloop.report import json_report
-from analysis.closeloop.report.still import of_left_out, still_answer
+from analysis.closeloop.report.left_out import of_left_out
+from analysis.closeloop.report.still import still_answer
 from analysis.closeloop.report.unexplained import event_entries, untouched
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.recording import Recording
