@@ -30,13 +30,7 @@ from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import rubbing_anyway
 from analysis.closeloop.identification.spectrum import strongest_line
 from analysis.closeloop.judgement.beyond import LEAST_ROWS, beyond_splines
-from analysis.closeloop.judgement.gaps import (
-    Sides,
-    of_bridges,
-    sides_of,
-    standing_on_both,
-    with_sides,
-)
+from analysis.closeloop.judgement.gaps import gaps_of, of_gaps, with_sides
 from analysis.closeloop.judgement.holds import (
     AROUND,
     LEAST_REST,
@@ -91,8 +85,9 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
     expected: dict[int, np.ndarray] = {}
     if not recording.still:
         trials = tuple(range(len(recording.session.trials)))
-        rows, sides = select_rows(recording, trials), sides_of(recording)
-        every = select_rows(with_sides(recording, sides), trials) if sides else rows
+        rows = select_rows(recording, trials)
+        gaps = gaps_of(model, rows)
+        every = select_rows(with_sides(recording, gaps.sides), trials) if gaps.sides else rows
         for joint in recording.joints:
             samples = rows.samples[joint]
             if not len(samples):
@@ -106,8 +101,8 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             known = rubbing_anyway(model, joint) if rubs else model
             unknown = STICTION * unknown_friction(model, rows, joint)
             unknown = unknown + crossing(model, rows, joint) + recalled(model, rows, joint)
-            unknown = unknown + of_bridges(model, rows, joint, sides)
-            stands_out = [*_moving(known, every, joint, unknown, sides)]
+            unknown = unknown + of_gaps(model, rows, joint, gaps)
+            stands_out = [*_moving(known, every, joint, unknown)]
             often = len(_long(event for event, _ in stands_out))
             own = _long(event for event, swings in stands_out if not swings)
             seconds = len(samples) * samples_step(samples) / recording.rate
@@ -148,7 +143,7 @@ def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
 
 
 def _moving(
-    model: Model, rows: Rows, joint: int, unknown: np.ndarray, sides: Sides
+    model: Model, rows: Rows, joint: int, unknown: np.ndarray
 ) -> Iterator[tuple[Event, bool]]:
     """Yield what stands out of a moving joint's residual and is not there in other passes.
 
@@ -161,14 +156,12 @@ def _moving(
         unknown: torque that no motion shows, Nm or N, low-passed, (n,). Where a joint turns,
             sticking for a moment as long as a controller takes, its friction has any value, as at
             rest; when a link flies through its play, and how it lands, no sample says.
-        sides: of the gaps, of which no fit sees any row.
     """
     recording, samples = rows.recording, rows.samples[joint]
     if len(np.unique(rows.block[rows.parts[joint]])) < SCATTERED:
         return
     beyond = beyond_splines(model, rows, joint, model.recording.usable[samples])
     left = beyond.least
-    beyond = standing_on_both(beyond, samples, sides)
     step = float(np.median(np.diff(recording.time[samples])))
     pieces = np.split(
         np.arange(len(samples)), np.flatnonzero(np.diff(samples) > 2 * samples_step(samples)) + 1
