@@ -18,7 +18,7 @@ from server.operations.fleet.sweep import SWEEP_SECONDS, Sweep
 from server.operations.study import studies
 from server.records import Plan
 from server.store import create_engine, upgrade
-from server.store.database import engine as database
+from server.store.database import files
 from server.store.database.engine import writing
 from server.store.database.presence import is_away
 from tests.testbed.coordinators import exchanges
@@ -189,7 +189,7 @@ def test_a_renewal_that_had_to_wait_shortens_no_lease(engine: Engine, sweep: Swe
 def test_a_file_that_another_process_keeps_to_itself_fails_as_a_database_that_is_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(database, "BUSY_SECONDS", 0)
+    monkeypatch.setattr(files, "BUSY_SECONDS", 0)
     url = f"sqlite:///{tmp_path}/used.sqlite3"
     upgrade(url)
     engine = create_engine(url)
