@@ -196,23 +196,17 @@ class RecordedJoint:
     def acceleration(self) -> np.ndarray:
         return self.recording.acceleration[:, self.number]
 
-    @cached_property
-    def inertias(self) -> dict[int, np.ndarray]:
-        """Torque of every joint for an acceleration of 1, with links as found, (n, joints)."""
-        return self._with_changes(self.recording.inertia)
+    def inertia(self, joint: int) -> np.ndarray:
+        """Torque of every joint for an acceleration of one, with links as found, (n, joints)."""
+        return self.recording.inertia(joint, self.estimate.changes)
 
-    @cached_property
-    def drags(self) -> dict[int, np.ndarray]:
-        """What every torque gains with the speed of each, as it moves, (n, joints)."""
-        return self._with_changes(self.recording.drag)
+    def drag(self, joint: int) -> np.ndarray:
+        """What every torque gains with the speed of one, as it moves, (n, joints)."""
+        return self.recording.drag(joint, self.estimate.changes)
 
-    @cached_property
-    def slopes(self) -> dict[int, np.ndarray]:
-        """What every torque gains with the place of each, as it moves, (n, joints)."""
-        return self._with_changes(self.recording.slope)
-
-    def _with_changes(self, of: Callable[..., np.ndarray]) -> dict[int, np.ndarray]:
-        return {joint: of(joint, self.estimate.changes) for joint in self.recording.joints}
+    def slope(self, joint: int) -> np.ndarray:
+        """What every torque gains with the place of one, as it moves, (n, joints)."""
+        return self.recording.slope(joint, self.estimate.changes)
 
     @property
     def effort(self) -> np.ndarray:

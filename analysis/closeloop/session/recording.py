@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -154,7 +154,8 @@ class Recording:
 
     def slope(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
         """Change of every torque with a joint's place, with bodies that differ, (n, joints)."""
-        return self.secant(joint, WAYS["place"]) + self._tangents.gained("place", joint, changes)
+        secant = partial(self.secant, joint, WAYS["place"])
+        return self._tangents.whole("place", joint, changes, secant)
 
     def drag(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
         """Change of every torque with a joint's speed, as `slope`."""
@@ -165,12 +166,12 @@ class Recording:
 
         # Exact of what grows with the square of a speed.
         found: np.ndarray = self._once(("drag", joint), lambda: 0.5 * (at(1.0) - at(-1.0)))
-        return found + self._tangents.gained("speed", joint, changes)
+        return self._tangents.whole("speed", joint, changes, lambda: found)
 
     def inertia(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
         """Torque of every joint for a unit of a joint's acceleration, as `slope`."""
         found = self._once(("inertia", joint), lambda: self._at_rest(joint) - self.static)
-        return np.asarray(found) + self._tangents.gained("acceleration", joint, changes)
+        return self._tangents.whole("acceleration", joint, changes, lambda: found)
 
     @cached_property
     def _tangents(self) -> Tangents:

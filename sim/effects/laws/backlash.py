@@ -144,8 +144,8 @@ def _felt_by_others(
     """
     recording, number = joint.recording, joint.number
     torque = (
-        joint.inertias[number] * twice[:, None]
-        + joint.drags[number] * speed[:, None]
-        + joint.slopes[number] * place[:, None]
+        joint.inertia(number) * twice[:, None]
+        + joint.drag(number) * speed[:, None]
+        + joint.slope(number) * place[:, None]
     )
     return {other: torque[:, [other]] for other in recording.joints if other != number}

@@ -196,9 +196,9 @@ def _parts(
     for number, theta in thetas.items():
         load[:, number] -= taken_before(joint, number, theta)
     shares = np.array([theta.get(BEHIND, 1.0) for theta in thetas.values()])
-    inertias = shares * np.stack([joint.inertias[n] for n in joints], axis=-1)
-    drags = shares * np.stack([joint.drags[n] for n in joints], axis=-1)
-    slopes = shares * np.stack([joint.slopes[n] for n in joints], axis=-1)
+    inertias = shares * np.stack([joint.inertia(n) for n in joints], axis=-1)
+    drags = shares * np.stack([joint.drag(n) for n in joints], axis=-1)
+    slopes = shares * np.stack([joint.slope(n) for n in joints], axis=-1)
     inertia, damping, stiffness = (x[:, joints].copy() for x in (inertias, drags, slopes))
     springs, own = np.empty((2, len(joints)))
     for place, (number, theta) in enumerate(thetas.items()):
@@ -306,7 +306,7 @@ def _spring(joint: RecordedJoint, number: int, theta: Theta) -> float:
 
 def inertia_behind(joint: RecordedJoint, number: int) -> np.ndarray:
     """Return the inertia that hangs behind the motor of a joint, kg m2 or kg, (n,)."""
-    inertia = joint.inertias[number][:, number]
+    inertia = joint.inertia(number)[:, number]
     return np.maximum(inertia - joint.recording.motor_inertia(number), LEAST_LINK * inertia)
 
 
@@ -343,7 +343,7 @@ def damping_behind(joint: RecordedJoint, number: int, theta: Theta) -> np.ndarra
 
     The motor's damping lies before what is loose.
     """
-    links = joint.drags[number][:, number] - joint.recording.motor_damping(number)
+    links = joint.drag(number)[:, number] - joint.recording.motor_damping(number)
     own = theta.get(DAMPED, 1.0) * _limb_damping(joint, number)
     return np.asarray(own + theta.get(BEHIND, 1.0) * links)
 
@@ -359,4 +359,4 @@ def stiffness_behind(joint: RecordedJoint, number: int, theta: Theta) -> np.ndar
     Of the links that is the slope of their weight.
     """
     own = joint.estimate.stiffness[number]
-    return np.asarray(own + _weighed(theta) * joint.slopes[number][:, number])
+    return np.asarray(own + _weighed(theta) * joint.slope(number)[:, number])

@@ -162,6 +162,27 @@ class Tangents:
         self._model, self._samples, self._between = model, samples, between
         self._motion = [every[samples] for every in motion]
         self._moved: dict[tuple[Of, int], tuple[ChainMotion, ChainMotion]] = {}
+        self._last: dict[tuple[Of, int], tuple[Mapping[int, np.ndarray], np.ndarray]] = {}
+
+    def whole(
+        self,
+        of: Of,
+        joint: int,
+        changes: Mapping[int, np.ndarray],
+        declared: Callable[[], np.ndarray],
+    ) -> np.ndarray:
+        """Return what one unit more adds to every torque with bodies that differ, (n, joints).
+
+        Args: as of `gained`, and what it adds with the bodies as they are declared, (n, joints).
+        """
+        if not changes:
+            return declared()
+        # Many forms of an effect are tried beside the same bodies.
+        asked, answer = self._last.get((of, joint), (None, np.empty(0)))
+        if asked is not changes:
+            answer = declared() + self.gained(of, joint, changes)
+            self._last[of, joint] = changes, answer
+        return answer
 
     def gained(self, of: Of, joint: int, changes: Mapping[int, np.ndarray]) -> np.ndarray | float:
         """Return what bodies that differ add to every torque, for one unit more, (n, joints).

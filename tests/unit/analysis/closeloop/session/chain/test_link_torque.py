@@ -115,3 +115,25 @@ def test_the_slopes_of_a_place_are_those_of_its_parameters() -> None:
 def test_a_tool_hangs_on_every_joint_before_it() -> None:
     model = mujoco.MjModel.from_xml_string(ARM)
     assert carriers(model, model.body("tool").id) == [2, 1, 0]
+
+
+def test_what_bodies_add_is_asked_anew_of_other_bodies_and_not_of_the_same(
+    motion: np.ndarray,
+) -> None:
+    """An answer is kept for the mapping that was asked with, and no other that looks like it."""
+    model = mujoco.MjModel.from_xml_string(ARM)
+    tangents = Tangents(model, (*motion,), np.arange(motion.shape[1]), np.asarray)
+    asked = []
+
+    def declared() -> np.ndarray:
+        asked.append(1)
+        return np.ones(motion.shape[1:])
+
+    one, other = ({model.body("c").id: size * point_mass(PLACE)} for size in (1.0, 2.0))
+    first = tangents.whole("place", 0, one, declared)
+    assert tangents.whole("place", 0, one, declared) is first and len(asked) == 1
+    assert np.allclose(first, 1.0 + tangents.gained("place", 0, one))
+    assert np.allclose(
+        tangents.whole("place", 0, other, declared), 1.0 + tangents.gained("place", 0, other)
+    )
+    assert np.all(tangents.whole("place", 0, {}, declared) == 1.0)
