@@ -80,7 +80,8 @@ def hidden_effects(
             for columns in _variants(effect, recorded)
             if columns
         ]
-        reach = max(reaches, default=0.0)
+        # By all of it at most: then nothing is known of it.
+        reach = min(abs(stiffness[1]), max(reaches, default=0.0))
         if reach > 0.0:
             found[joint].append(Hidden(effect=effect, by=reach))
     return {joint: tuple(sorted(own, key=lambda one: -one.by)) for joint, own in found.items()}
@@ -108,8 +109,6 @@ def _reach(
     columns: Columns,
 ) -> float:
     """Return how far an effect could move a joint's stiffness and not be seen, Nm/rad or N/m.
-
-    At most by all of it: then nothing is known of it.
 
     Args:
         model: the effect is not in it; what is may change its form.
@@ -143,7 +142,7 @@ def _reach(
         gains = [effect.gain(np.array([share])) for share in (-MOST, MOST)]
         least = abs(value) * max(abs(gain - 1.0) for gain in gains)
     if not kept:
-        return min(abs(value), least)
+        return least
     bread = np.linalg.pinv(table.T @ table)
     target = model.target(rows)
     beside = bread @ (table.T @ target)
@@ -151,7 +150,7 @@ def _reach(
     count = int(seconds.max()) + 1
     largest = float(most[list(kept)].sum())
     if count <= table.shape[1]:
-        return min(abs(value), max(least, largest))
+        return max(least, largest)
     scores = np.zeros((count, table.shape[1]))
     np.add.at(scores, seconds, table * (target - table @ beside)[:, None])
     own = slice(base.shape[1], None)
@@ -165,7 +164,7 @@ def _reach(
     spread = slope @ bread @ scores.T
     error = float(np.sqrt(count / (count - table.shape[1]) * (spread @ spread)))
     moved = abs(float(beside[place]) * gain - value) + float(norm.ppf(0.95)) * error
-    return min(abs(value), max(least, moved if effect.scales_effort else min(moved, largest)))
+    return max(least, moved if effect.scales_effort else min(moved, largest))
 
 
 def _stiffness(model: Model, coefficients: np.ndarray, joint: int) -> tuple[int, float] | None:
