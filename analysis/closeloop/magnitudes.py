@@ -9,7 +9,8 @@ WIDTH, MOVES = 5, 0.002
 #: Share of a motion that goes either way at least.
 EITHER_WAY = 0.1
 #: How often an effort is 0 between samples at which it is not, and its share of the motion. With
-#: brakes a signed one may be, too, at rest. (Of an SO-101's joints 7 % at least.)
+#: brakes a signed one may be, too, at rest. (Set while looking at the SO-101 that it refuses, whose
+#: joints have 7 % at least: that one is no evidence.)
 TIMES, SHARE = 10, 0.01
 #: Fewer joints may well have efforts of one sign: gravity pulls one way.
 FEWEST = 2

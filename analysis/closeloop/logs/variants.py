@@ -19,7 +19,7 @@ MADE = (
 #: Correlation of two forms of one signal, at least.
 ALIKE = 0.9
 #: Share of what a joint's channel is beside another's at the other joints, below which it feels
-#: nothing. (Of a Kinova's last joint 0.005.)
+#: nothing. (Set while looking at the Kinova that it mends, whose last joint has 0.005.)
 DEAD, FEWEST = 0.02, 3
 #: Motion of a joint that has to be felt, rad or m.
 MOVES = 0.1
