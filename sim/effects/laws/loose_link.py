@@ -195,6 +195,10 @@ def _parts(
     load = joint.estimate.carried - there
     for number, theta in thetas.items():
         load[:, number] -= taken_before(joint, number, theta)
+    for piece in recording.slices:
+        # Filters do not know how a stretch begins, and nothing shows a swing as quick as that.
+        known = min(piece.start + recording.edge, piece.stop - 1)
+        load[piece.start : known] = load[known]
     shares = np.array([theta.get(BEHIND, 1.0) for theta in thetas.values()])
     inertias = shares * np.stack([joint.inertia(n) for n in joints], axis=-1)
     drags = shares * np.stack([joint.drag(n) for n in joints], axis=-1)

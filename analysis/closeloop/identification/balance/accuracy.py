@@ -103,7 +103,13 @@ def _lost(held: np.ndarray, missing: np.ndarray, trial: np.ndarray) -> float:
 def raw_errors(
     recording: Recording, predicted: np.ndarray, trials: tuple[int, ...]
 ) -> list[TrialError]:
-    """Compare a prediction, (n, joints) at the working rate, with raw effort."""
+    """Compare a prediction, (n, joints) at the working rate, with raw effort.
+
+    Away from the ends of a stretch, where filters do not know the motion: of a start from a stop
+    they make a torque that nothing had, and more of it behind a spring or a gap. A trial without
+    any longer stretch is compared whole.
+    """
+    edge = recording.edge / recording.rate
     found = []
     for number in trials:
         trial = recording.session.trials[number]
@@ -112,10 +118,14 @@ def raw_errors(
             if effort is None:
                 continue
             times, efforts, expected = [], [], []
-            for piece in recording.pieces_of(number):
+            pieces = recording.pieces_of(number)
+            longer = [p for p in pieces if p.stop - p.start > 2 * recording.edge]
+            for piece in longer or pieces:
                 clock = recording.time[piece]
+                ends = edge if longer else 0.0
                 # One working step beyond the last sample at most: the clock is rounded down.
-                rows = (trial.time >= clock[0]) & (trial.time <= clock[-1] + 1 / recording.rate)
+                last = clock[-1] + 1 / recording.rate - ends
+                rows = (trial.time >= clock[0] + ends) & (trial.time <= last)
                 times.append(trial.time[rows])
                 efforts.append(effort[rows])
                 expected.append(np.interp(trial.time[rows], clock, predicted[piece, joint]))

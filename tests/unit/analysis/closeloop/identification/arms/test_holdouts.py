@@ -73,6 +73,20 @@ def test_an_effect_stays_only_where_no_held_out_error_grows(
     assert ("torque_offset of elbow is not added" in " ".join(notes)) is not stays
 
 
+def test_an_effect_is_not_refused_by_ends_where_no_filter_knows_the_motion(
+    recording: Recording,
+) -> None:
+    """A start from a stop is quicker than the low-pass of the positions: its torque is unknown."""
+    split = halves(recording, 1.0)
+    fit, held = split.session.trials
+    jerked = np.array(held.columns["elbow.effort"])
+    jerked[: split.edge // 2] -= 40.0
+    trials = (fit, replace(held, columns={"elbow.effort": jerked}))
+    split = replace(split, session=replace(split.session, trials=trials), cache={})
+    found, notes = not_worse(*with_effect(split, "torque_offset"))
+    assert found.steps and not notes
+
+
 def test_friction_stays_though_nobody_knows_what_it_is_at_rest(recording: Recording) -> None:
     velocity = np.array(recording.velocity)
     velocity[620:970] = 0.0

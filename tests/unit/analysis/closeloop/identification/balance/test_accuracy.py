@@ -5,9 +5,15 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from analysis.closeloop.identification.balance.accuracy import _best, _share, settled
+from analysis.closeloop.identification.balance.accuracy import (
+    _best,
+    _share,
+    raw_errors,
+    settled,
+)
 from analysis.closeloop.identification.balance.model import Model, unfitted
 from analysis.closeloop.identification.balance.terms import Candidate, Term
+from analysis.closeloop.session.contents import Trial
 from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.moved import moved
 from tests.testbed.sessions.rich import ELBOW, rich_elbow
@@ -109,3 +115,25 @@ def test_rests_of_a_trial_without_the_joints_effort_say_nothing_of_friction() ->
     )
     expected = settled(Model(recording, terms=(term,)), np.array([1.0]))
     assert np.isfinite(expected[:, ELBOW]).all()
+
+
+def test_errors_are_those_between_the_ends_of_stretches_that_filters_touch() -> None:
+    elbow = rich_elbow()
+    trial = Trial(
+        file="a.csv",
+        label="a",
+        group="a",
+        role="fit",
+        time=elbow.time,
+        columns={"elbow.effort": np.zeros(len(elbow.time))},
+    )
+    session = replace(elbow.session, trials=(trial,))
+    cut = replace(elbow, session=session, slices=[slice(0, 15), slice(15, 1000)], cache={})
+    assert 2 * cut.edge > 15
+    (error,) = raw_errors(cut, elbow.position, (0,))
+    assert error.time[0] == elbow.time[15 + cut.edge]
+    assert error.time[-1] == elbow.time[-cut.edge]
+    short = replace(cut, slices=[slice(0, 15)], cache={})
+    (error,) = raw_errors(short, elbow.position, (0,))
+    assert error.time[0] == elbow.time[0], "a trial with nothing longer is compared whole"
+    assert len(error.time) >= 15
