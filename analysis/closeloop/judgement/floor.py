@@ -130,11 +130,11 @@ def _from_repeats(
         begin, end = recording.time[first.start], recording.time[first.stop - 1]
         inside = (one.time >= begin) & (one.time <= end)
         shift = recording.time[first.start + later] - begin
+        inside &= (one.time + shift >= other.time[0]) & (one.time + shift <= other.time[-1])
         # The nearest sample: a mean of two would have less noise than one.
         at = np.searchsorted(
             other.time, one.time[inside] + shift - 0.5 / recording.sampling.recorded
         )
-        at = np.minimum(at, len(other.time) - 1)
         difference = one.residual[inside] - other.residual[at]
         if len(difference) > 10:
             shares.append(float(np.mean(difference**2)) / 2.0)

@@ -75,6 +75,7 @@ def outcome_of(
     fit = [raw_errors(recording, effort, recording.fit_trials) for effort in expected]
     holdout = [raw_errors(recording, effort, holdouts) for effort in expected]
     lowest = floors(recording, [*fit[0], *holdout[0]], loads)
+    events = _above(lowest, events)
     left_out = not holdout[0]
     if left_out:
         holdout = [left_out_errors(model, rows) for model, _ in trace.fits]
@@ -96,6 +97,14 @@ def outcome_of(
     )
     outcome = replace(outcome, unsettled=_unsettled(outcome, rubs=rubs))
     return replace(outcome, verdict=verdict_of(outcome))
+
+
+def _above(lowest: Mapping[int, Floor], events: Sequence[Event]) -> tuple[Event, ...]:
+    """Return the events that are stronger than the noise of their channel: nobody sees others.
+
+    (A stranger's motor on a bench had pushes of a tenth of its noise.)
+    """
+    return tuple(e for e in events if e.joint not in lowest or abs(e.peak) > lowest[e.joint].value)
 
 
 def verdict_of(outcome: Outcome) -> Verdict:

@@ -24,6 +24,7 @@ from analysis.closeloop.identification.spectrum import Peak
 from analysis.closeloop.identification.tracing import trace
 from analysis.closeloop.judgement import outcome as outcomes
 from analysis.closeloop.judgement.outcome import (
+    _above,
     _large,
     _unsettled,
     left_beside_events,
@@ -238,3 +239,12 @@ def test_what_a_controller_answers_is_no_cause_where_it_takes_a_little(
     outcome = SimpleNamespace(trace=found, left={0: 1.0}, over_floor=lambda _: over)
     said = takes_too_little(cast(Outcome, outcome))
     assert ("came nearest, but left most" in said) is told and bool(said) is told
+
+
+def test_what_is_weaker_than_the_noise_of_its_channel_is_no_event() -> None:
+    strong, weak, other = (
+        Event(trial=0, joint=joint, begin=1.0, end=1.2, peak=peak)
+        for joint, peak in ((1, -0.06), (1, 0.02), (0, 0.02))
+    )
+    lowest = {1: Floor(value=0.025, source="repeats")}
+    assert _above(lowest, (strong, weak, other)) == (strong, other), "the other has no floor"
