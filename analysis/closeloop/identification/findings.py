@@ -58,6 +58,8 @@ class Option:
     refused: str = ""
     #: Simpler effects of the model that it takes the place of.
     replaced: frozenset[tuple[str, int]] = frozenset()
+    #: Other effects that it does it with.
+    beside: tuple[Candidate, ...] = ()
 
     @property
     def theta(self) -> Theta:
@@ -91,14 +93,15 @@ class Step:
         return float(min(1.0, max(len(self.options), 1) * norm.sf(self.taken.z)))
 
 
-def exchanged(model: Model, taken: Candidate, option: Option) -> Model:
+def exchanged(model: Model, taken: Option, option: Option) -> Model:
     """Return a model with an effect that was taken replaced by an option's."""
-    rest = model.without(taken)
-    other = option.candidate
+    for candidate in (taken.candidate, *taken.beside):
+        model = model.without(candidate)
+    others = (option.candidate, *option.beside)
     return replace(
-        rest,
-        terms=(*rest.terms, *(t for t in option.model.terms if t.candidate == other)),
-        channels=(*rest.channels, *(c for c in option.model.channels if c.candidate == other)),
+        model,
+        terms=(*model.terms, *(t for t in option.model.terms if t.candidate in others)),
+        channels=(*model.channels, *(c for c in option.model.channels if c.candidate in others)),
     )
 
 

@@ -39,6 +39,7 @@ from analysis.closeloop.identification.holding import (
     in_plainest_form,
     passive,
 )
+from analysis.closeloop.identification.loads.askew import with_gains_askew
 from analysis.closeloop.identification.nameable import ONE_WAY, moves_one_way
 from analysis.closeloop.identification.places import with_told_places
 from analysis.closeloop.identification.presliding import rubbing_anyway
@@ -91,6 +92,7 @@ def trace(recording: Recording, progress: Callable[[str], None] = lambda _: None
     grown = regrown(grown, declared, rows, before, progress)
     grown, rows = grown_slid(grown, declared, rows, progress)
     grown, notes = _stands(grown, declared, rows, progress)
+    grown = with_gains_askew(grown, rows)
     if rows is not found.rows:
         beyond = explainable(declared, rows)
         found = replace(

@@ -19,7 +19,7 @@ from analysis.closeloop.identification.balance.model import (
     evaluate,
     impedances,
 )
-from analysis.closeloop.identification.balance.regression import ROUNDING, Score
+from analysis.closeloop.identification.balance.regression import ROUNDING, Score, compare
 from analysis.closeloop.identification.balance.searched import searched
 from analysis.closeloop.identification.candidates import best_of
 from analysis.closeloop.identification.findings import Option, Step, Trace, exchanged
@@ -40,7 +40,7 @@ def alternatives(found: Trace) -> Iterator[tuple[Step, Option]]:
     model, _ = found.fit_of_steps
     for step in found.steps:
         for option in step.equals:
-            other = exchanged(model, step.taken.candidate, option)
+            other = exchanged(model, step.taken, option)
             yield step, replace(option, model=other, score=evaluate(other, found.rows))
 
 
@@ -119,9 +119,10 @@ def _under(found: Trace, step: Step, option: Option) -> Trace:
     """Return the trace with another name of a step as the one taken."""
     rest = (other for other in step.equals if other.candidate != option.candidate)
     again = replace(step, taken=option, equals=(step.taken, *rest))
-    return replace(
-        found,
-        model=option.model,
-        score=option.score,
-        steps=tuple(again if one is step else one for one in found.steps),
-    )
+    steps = [again if one is step else one for one in found.steps]
+    for candidate in option.beside:
+        without = evaluate(option.model.without(candidate), found.rows)
+        gain, error = compare(without.losses, option.score.losses)
+        taken = replace(option, candidate=candidate, gain=gain, z=gain / error, beside=())
+        steps.append(Step(taken=taken, equals=(), options=(), before=without.loss))
+    return replace(found, model=option.model, score=option.score, steps=tuple(steps))

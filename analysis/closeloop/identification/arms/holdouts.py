@@ -86,7 +86,7 @@ def _under_another_name(
     """
     still = set(worse(grown.model)) - {step.taken.candidate.joint}
     for option in step.equals:
-        model = exchanged(grown.model, step.taken.candidate, option)
+        model = exchanged(grown.model, step.taken, option)
         rubs = option.candidate.effect.rubs and not option.refused
         if not rubs or not set(worse(model)) <= still:
             continue
