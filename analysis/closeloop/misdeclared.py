@@ -26,6 +26,8 @@ LEAVES = 0.5
 BALANCED = 0.8
 #: Share of an effort's variance below which what is left says nothing.
 LITTLE = 0.1
+#: Share of a declared weight below which an effort does not hold it: nearer to none than to half.
+UNFELT = 0.25
 #: Width of the step of friction, over the root mean square of the velocity.
 STEP = 0.05
 #: Standard gravity, m/s2.
@@ -99,10 +101,9 @@ def check_declared(recording: Recording) -> None:
 
 def doubtful_gravity(recording: Recording) -> list[str]:
     """Return a sentence if a robot moves as in another gravity, or its model has none itself."""
-    found = []
-    gravity = _other_gravity(recording, _joints(recording))
-    if gravity is not None:
-        found.append(gravity[0])
+    joints = _joints(recording)
+    gravity = _other_gravity(recording, joints)
+    found = [gravity[0]] if gravity is not None else [*_unfelt_weights(joints)]
     model = recording.device.model
     compensated = [model.body(b).name for b in range(model.nbody) if model.body_gravcomp[b]]
     if compensated:
@@ -226,6 +227,28 @@ def _wrong_columns(joints: list[Joint]) -> tuple[list[tuple[str, str]], float]:
             )
             found.insert(0, (f"{one.name}.effort", why))
     return found, sum(left.values())
+
+
+def _unfelt_weights(joints: list[Joint]) -> Iterator[str]:
+    """Yield a sentence for each joint whose effort holds next to nothing of a large weight.
+
+    Of the weight what friction and inertia do not imitate would alone be more than the effort
+    varies by. (A stranger's Schunk LWA4P, whose second joint had a hundredth of its weight.)
+    """
+    for joint in joints:
+        effort = joint.effort - joint.effort.mean()
+        table = np.column_stack([joint.unknown, joint.static, effort])
+        triangle = np.asarray(np.linalg.qr(table, mode="r"))
+        weight, shown = triangle[-2, -2:]
+        if abs(weight) > np.linalg.norm(effort) and abs(shown) < UNFELT * abs(weight):
+            declared = rms(joint.static - joint.static.mean())
+            yield (
+                f"the effort of {joint.name} shows {shown / weight:.0%} of the weight that the "
+                f"model declares there, which varies by {declared:.3g}, the effort by "
+                f"{rms(effort):.3g}: is it logged after gravity compensation (then say "
+                '"gravity": [0, 0, 0] in session.json), does something balance it, or is it in '
+                "another unit?"
+            )
 
 
 def _other_gravity(recording: Recording, joints: list[Joint]) -> tuple[str, float] | None:

@@ -100,6 +100,15 @@ def test_another_gravity_is_said_and_is_no_wrong_sign(robot: Recording) -> None:
     assert said.endswith('say "gravity": [0, 0, 9.81] in session.json')
 
 
+def test_an_effort_of_one_joint_without_its_weight_is_pointed_at(robot: Recording) -> None:
+    """The other joint holds its links: another gravity for all would explain no more."""
+    effort = np.array(robot.effort)
+    effort[:, 0] -= 0.97 * robot.filtered(robot.weight(0) @ robot.gravity[:, None])[:, 0]
+    (said,) = doubtful_gravity(replace(robot, effort=effort, cache={}))
+    assert said.startswith(f"the effort of {robot.name(0)} shows 6% of the weight")
+    assert "gravity compensation" in said
+
+
 def test_a_spring_is_no_other_gravity(robot: Recording) -> None:
     # Of an opponent: 4 Nm/rad about an axis were gravity along x.
     pulled = robot.effort + robot.filtered(6.0 * (robot.position - robot.position.mean(axis=0)))
