@@ -102,6 +102,7 @@ def answer(sample: Sample) -> dict[str, Any]:
         independent = {"the design's S": first} if first else {}
         independent |= told if first or not depending else {}
         remarks += doubts.beyond_the_whole(name, independent, LEVEL)
+        remarks += doubts.out_of_range(name, told, LEVEL)
         remarks += doubts.two_answers(name, first, told, LEVEL)
     return {
         "file": sample.file,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import hypergeom, norm, rankdata
 
+from analysis.given.hdmr import INDISTINCT
 from analysis.given.hsic import hsic_of_pairs
 
 Array = NDArray[np.float64]
@@ -73,7 +74,24 @@ def related(factors: Sequence[str], x: Array, *, drawn: bool = True) -> list[str
         return []
     return [
         f"Factors depend on each other ({'; '.join(said)}). What one of them explains, the other "
-        "does too: indices of factors say what a factor tells of the output, not what it causes."
+        "does too: indices of factors say what a factor tells of the output, not what it causes.",
+        *_one_quantity(factors, [p for p in rising if abs(correlation[p]) > 1.0 - INDISTINCT]),
+    ]
+
+
+def _one_quantity(factors: Sequence[str], pairs: Sequence[tuple[int, int]]) -> list[str]:
+    """Say which factors are copies of each other to so many digits that `hdmr` takes them for one.
+
+    (Belsley et al. 1980; `analysis.given.hdmr.INDISTINCT`.)
+    """
+    if not pairs:
+        return []
+    shown = ", ".join(f"{factors[i]} and {factors[j]}" for i, j in pairs[:_SHOWN])
+    more = f" and {len(pairs) - _SHOWN} pairs more" if len(pairs) > _SHOWN else ""
+    return [
+        f"As good as one quantity: {shown}{more}. hdmr deals what it explains to both in equal "
+        "parts, and what their small difference does it does not see: leave one of them out, and "
+        "if the difference matters, give it as a factor."
     ]
 
 

@@ -39,6 +39,37 @@ def beyond_the_whole(output: str, told: Mapping[str, Any], level: float) -> list
     return said
 
 
+def out_of_range(output: str, told: Mapping[str, Any], level: float) -> list[str]:
+    """Say so if a factor's share is surely below 0 or above 1, and by what matters.
+
+    Of factors that depend on each other a covariance may be (Li et al. 2010), but it is no part of
+    the variance then.
+
+    Args:
+        output: its name.
+        told: measures of a sample that are shares, {NAME: {FACTOR: INTERVAL}}.
+        level: of the intervals.
+    """
+    said = []
+    for name, index in told.items():
+        beyond = _times(len(index), level)
+        outside = []
+        for factor, one in index.items():
+            if one["low"] is None:
+                continue
+            share, within = one["value"], min(max(one["value"], 0.0), 1.0)
+            off = share - within
+            if abs(off) > max(beyond * _half(one, -off), SHARE_OF_VARIANCE):
+                outside.append(f"{factor} {share:.2f}")
+        if outside:
+            said.append(
+                f"Shares of {output} by {name} lie outside 0 to 1 ({', '.join(outside)}): what "
+                "factors do that depend on each other cancels. They are no parts of the variance; "
+                "give sums and differences of such factors in their stead."
+            )
+    return said
+
+
 def two_answers(
     output: str, design: Mapping[str, Any], told: Mapping[str, Any], level: float
 ) -> list[str]:
@@ -52,7 +83,7 @@ def two_answers(
         told: measures of its points as a sample, {NAME: {FACTOR: INTERVAL}}.
         level: of the intervals.
     """
-    beyond = norm.isf(_BY_CHANCE / 2.0 / max(len(design), 1)) / norm.isf((1.0 - level) / 2.0)
+    beyond = _times(len(design), level)
     found = []
     for name, index in told.items():
         for factor, one in index.items():
@@ -77,6 +108,11 @@ def two_answers(
 def shares(measures: Mapping[str, Any]) -> dict[str, Any]:
     """Return the measures that are shares of the variance."""
     return {name: index for name, index in measures.items() if name in _SHARES}
+
+
+def _times(factors: int, level: float) -> float:
+    """Return how many halves of an interval one of so many factors is off hardly ever by chance."""
+    return float(norm.isf(_BY_CHANCE / 2.0 / max(factors, 1)) / norm.isf((1.0 - level) / 2.0))
 
 
 def _half(interval: Mapping[str, float], towards: float) -> float:

@@ -9,7 +9,6 @@ Pieces of a factor's range have as many rows each, so that none is fitted to a f
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
-from scipy.linalg import cho_factor, cho_solve
 
 from analysis.given.intervals import Spread
 
@@ -17,8 +16,13 @@ Array = NDArray[np.float64]
 
 #: Pieces of a factor's range, at least (Li et al. 2010, SALib).
 PIECES = 5
-#: How much large coefficients cost, of what they explain: splines of factors share a constant.
-PENALTY = 1e-9
+#: Of what splines of one factor vary by, the share that is rounding: of few values some are sums of
+#: others.
+_ROUNDING = 1e-9
+#: Functions of several factors that add up to so little, of the sum of their variances, are not
+#: told apart: of two, the square of a condition index of 30 (Belsley, Kuh and Welsch 1980,
+#: Regression diagnostics, section 3.2), as of two factors that correlate by 0.998.
+INDISTINCT = 2.0 / (1.0 + 30.0**2)
 #: Rows for each coefficient at least.
 ROWS_EACH = 4
 #: A piece more is a knot more; the splines are cubic.
@@ -54,27 +58,25 @@ def leave_out(x: Array, y: Array) -> tuple[Array, Spread]:
     of freedom go by the fourth moment of what each row adds (Satterthwaite 1946).
     """
     rows, factors = x.shape
-    splines = [_splines(column, pieces(rows, factors)) for column in x.T]
-    ends = np.cumsum([one.shape[1] for one in splines])
-    basis = np.concatenate(splines, axis=1)
-    normal = basis.T @ basis
-    normal[np.diag_indices_from(normal)] *= 1.0 + PENALTY
-    solved = cho_solve(cho_factor(normal), basis.T)
+    each_own = [_apart(_splines(column, pieces(rows, factors))) for column in x.T]
+    ends = np.cumsum([one.shape[1] for one in each_own])
+    basis = np.concatenate(each_own, axis=1)
+    solved = _solved(basis)
     centred = y - y.mean()
     whole = centred @ centred
-    about = basis - basis.mean(axis=0)
 
     def of_each(columns: Array) -> Array:
-        """Return columns of all splines summed over those of each factor, (rows, factors)."""
+        """Return columns of all functions summed over those of each factor, (rows, factors)."""
         return np.asarray(np.add.reduceat(columns, [0, *ends[:-1]], axis=1))
 
-    functions = of_each(about * (solved @ centred))
+    functions = of_each(basis * (solved @ centred))
     # How an error of each row's output moves the shares through the functions that are fitted.
-    through = of_each(solved.T * (centred @ about))
+    through = of_each(solved.T * (centred @ basis))
     fitted = basis @ (solved @ centred)
-    left = np.maximum(1.0 - np.einsum("ij,ji->i", basis, solved), _LEAST_LEFT)
+    # The mean is fitted, too.
+    left = np.maximum(1.0 - 1.0 / rows - np.einsum("ij,ji->i", basis, solved), _LEAST_LEFT)
     foretold = (centred - fitted) / left
-    by_chance = of_each(about * solved.T).T @ (centred * foretold)
+    by_chance = of_each(basis * solved.T).T @ (centred * foretold)
     share = ((functions.T @ centred) - by_chance) / whole
     each = functions * centred[:, None] + through * foretold[:, None] - np.outer(centred**2, share)
     each *= rows / whole
@@ -83,7 +85,7 @@ def leave_out(x: Array, y: Array) -> tuple[Array, Spread]:
     # Of what each row adds alike there is no error, whatever its degrees.
     kurtosis = np.mean(each**4, axis=0) / np.maximum(squares**2, np.finfo(float).tiny)
     noise = (centred - fitted) * foretold
-    parts = zip(np.split(about, ends[:-1], axis=1), np.split(solved, ends[:-1]), strict=True)
+    parts = zip(np.split(basis, ends[:-1], axis=1), np.split(solved, ends[:-1]), strict=True)
     chance, twice = np.transpose([_chance(*part, noise, fitted) for part in parts]) / whole**2
     return share, Spread(
         variance=np.maximum(squares / rows - chance - twice, chance),
@@ -105,6 +107,32 @@ def fewest_rows(factors: int) -> int:
     return ROWS_EACH * (1 + (PIECES + _DEGREE - 1) * factors)
 
 
+def _solved(basis: Array) -> Array:
+    """Return what fits functions to an output by least squares, shape (functions, rows).
+
+    Of functions that rows do not tell apart, those of the least sum of variances: what copies of a
+    factor, to whatever digit, explain is dealt to them in equal parts. Otherwise each would have
+    hundreds of times what there is, and another as much less (concurvity; Buja, Hastie and
+    Tibshirani 1989, Linear smoothers and additive models, section 4).
+
+    Args:
+        basis: orthonormal functions of each factor, shape (rows, functions).
+    """
+    variance, together = np.linalg.eigh(basis.T @ basis)
+    told = together[:, variance > INDISTINCT]
+    found: Array = (told / variance[variance > INDISTINCT]) @ (basis @ told).T
+    return found
+
+
+def _apart(splines: Array) -> Array:
+    """Return orthonormal functions of mean 0 of which splines consist, (rows, functions)."""
+    left, size, _ = np.linalg.svd(splines - splines.mean(axis=0), full_matrices=False)
+    told = size**2 > _ROUNDING * size[0] ** 2
+    # Of a factor that does not vary here there is one, which is 0.
+    found: Array = left[:, told] if told.any() and size[0] > 0.0 else np.zeros((len(splines), 1))
+    return found
+
+
 def _chance(splines: Array, solved: Array, noise: Array, fitted: Array) -> tuple[float, float]:
     """Return the variance that chance adds to a share, and what rows count twice.
 
@@ -113,7 +141,7 @@ def _chance(splines: Array, solved: Array, noise: Array, fitted: Array) -> tuple
     adds to its product with the other functions, which stands in `functions` and in `through`.
 
     Args:
-        splines, solved: of the factor, shape (rows, splines) and (splines, rows).
+        splines, solved: its functions and what fits them, (rows, functions) and (functions, rows).
         noise: the rows' variances, shape (rows,).
         fitted: the sum of all functions, shape (rows,).
     """

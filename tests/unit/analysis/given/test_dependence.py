@@ -47,8 +47,9 @@ def test_factors_of_few_settings_in_all_are_answered(settings: int, tmp_path: Pa
 def test_what_is_named_by_ranks_is_not_named_again() -> None:
     x = np.random.default_rng(1).random((100, 3))
     x[:, 2] = x[:, 0] ** 3
-    (said,) = related("abc", x)
+    said, one = related("abc", x)
     assert "(rank correlation: a and c (+1.00))" in said
+    assert one.startswith("As good as one quantity: a and c. ")
 
 
 def test_independent_factors_are_hardly_ever_named() -> None:

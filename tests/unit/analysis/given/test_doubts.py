@@ -61,6 +61,19 @@ def test_shares_may_sum_to_one_but_not_surely_to_more() -> None:
     assert doubts.two_answers("y", one, {"hdmr": untold}, 0.9) == []
 
 
+@pytest.mark.parametrize(("correlation", "said"), [(0.99, True), (0.0, False)])
+def test_shares_of_factors_that_cancel_are_said_to_be_no_parts(
+    correlation: float, said: bool, tmp_path: Path
+) -> None:
+    """Of 2 a - b they are 1.94 and -0.94, if a and b go together."""
+    rng = np.random.default_rng(2)
+    x = rng.multivariate_normal([0.0, 0.0], [[1.0, correlation], [correlation, 1.0]], 400)
+    table = np.column_stack([x, x @ [2.0, -1.0] + 0.1 * rng.normal(size=400)])
+    remarks = analyse(written(tmp_path / "runs.csv", table, "a,b,y"), ["y"])["remarks"]
+    about = [one for one in remarks if one.startswith("Shares of y by hdmr lie outside 0 to 1 (a ")]
+    assert bool(about) == said
+
+
 @pytest.mark.parametrize(("rows", "said"), [(100, True), (128, False)])
 def test_of_few_rows_it_is_said_that_intervals_are_not_to_be_believed(
     rows: int, said: bool, tmp_path: Path
