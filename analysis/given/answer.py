@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from analysis.given import doubts, layout
 from analysis.given.copies import FEWEST_ROWS, without_copies
-from analysis.given.delta import kurtosis
 from analysis.given.dependence import related
 from analysis.given.hsic import hsic
 from analysis.given.measures import MEASURES, Measure, standard
@@ -18,10 +17,11 @@ from analysis.given.reading import read_sheet
 from analysis.given.replicates import at_points
 from analysis.given.sample import Sample, choose
 from analysis.given.spread import in_parts, quasi_random, sharing_nothing
+from analysis.given.tails import on_few_rows
 from analysis.json_values import number
 from analysis.sensitivity.estimators import Estimate
-from analysis.sensitivity.judgement.trust import ENOUGH_RUNS, HEAVY, in_last_digits, not_in_numbers
 from analysis.sensitivity.judgement.trust import FEWEST_ROWS as FEWEST_BELIEVED
+from analysis.sensitivity.judgement.trust import in_last_digits, not_in_numbers
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,10 @@ def answer(sample: Sample) -> dict[str, Any]:
         for name, found in of_samples.items()
         if any(None in (one["value"], one["low"]) for one in found.get("delta", {}).values())
     ]
-    remarks += [_heavy(name, y[:, o]) for o, name in enumerate(sample.outputs)] if len(x) else []
+    if len(x):
+        remarks += [
+            on_few_rows(name, y[:, o], sample.factors, x) for o, name in enumerate(sample.outputs)
+        ]
     for name, own in zip(sample.outputs, sample.y.T, strict=True):
         ends = float(np.nanmin(own)), float(np.nanmax(own))
         lost = [*not_in_numbers(name, *ends), *in_last_digits(name, *ends)]
@@ -198,18 +201,6 @@ def _few_values(x: Array, factors: Sequence[str]) -> list[str]:
     if not few:
         return []
     return [f"Factors of few values, whose order is taken to mean something: {', '.join(few)}."]
-
-
-def _heavy(name: str, y: Array) -> str:
-    """Return the remark on an output whose variance few rows make up (Kish 1965), or nothing."""
-    heavy = kurtosis(y)
-    if not (heavy > HEAVY and len(y) / heavy < ENOUGH_RUNS):
-        return ""
-    return (
-        f"The variance of {name} rests on few rows: as many as {len(y) / heavy:.0f} of equal size "
-        f"would tell it, of {len(y):,} (its kurtosis is {heavy:.0f}). Shares of it may be far off, "
-        "further than their intervals say; look at its logarithm or its ranks, too."
-    )
 
 
 def _withheld_from(x: Array, factors: Sequence[str]) -> list[tuple[Sequence[str], str]]:
