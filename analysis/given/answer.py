@@ -1,7 +1,6 @@
 """What can be told of a sample, as JSON; the same table gives the same answer."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given import doubts, layout
-from analysis.given.copies import FEWEST_ROWS, without_copies
+from analysis.given.copies import without_copies
 from analysis.given.dependence import related
 from analysis.given.hsic import hsic
 from analysis.given.measures import MEASURES, Measure, standard
 from analysis.given.reading import read_sheet
 from analysis.given.replicates import at_points
 from analysis.given.sample import Sample, choose
-from analysis.given.spread import in_parts, quasi_random, sharing_nothing
+from analysis.given.spread import quasi_random
 from analysis.given.tails import on_few_rows
+from analysis.given.used import used
 from analysis.json_values import number
 from analysis.sensitivity.estimators import Estimate
 from analysis.sensitivity.judgement.trust import FEWEST_ROWS as FEWEST_BELIEVED
@@ -58,15 +58,15 @@ def analyse(
 def answer(sample: Sample) -> dict[str, Any]:
     """Return `analyse` of a sample that was read."""
     points = at_points(sample)
-    used = _used(points.sample)
-    x, y = used.x, used.y
-    remarks = [*sample.remarks, *points.remarks, *used.remarks]
+    rows = used(points.sample)
+    x, y = rows.x, rows.y
+    remarks = [*sample.remarks, *points.remarks, *rows.remarks]
     depending: list[str] = []
     if len(x):
         # Several runs at the same point are one of the points that were drawn.
         once = x[without_copies(x, x[:, :0])]
-        depending = related(sample.factors, once, drawn=used.drawn)
-        remarks += [*depending, _few_rows(len(x), used.design)]
+        depending = related(sample.factors, once, drawn=rows.drawn)
+        remarks += [*depending, _few_rows(len(x), rows.design)]
     withheld = _withheld_from(x, sample.factors)
     remarks += [*_few_values(x, sample.factors), *(why for _, why in withheld)]
     measures = MEASURES if len(x) else ()
@@ -93,7 +93,7 @@ def answer(sample: Sample) -> dict[str, Any]:
         ends = float(np.nanmin(own)), float(np.nanmax(own))
         lost = [*not_in_numbers(name, *ends), *in_last_digits(name, *ends)]
         remarks += [f"Do not trust these intervals: {why}." for why in lost]
-    design, complete = used.design, sample.complete
+    design, complete = rows.design, sample.complete
     designed = (
         {} if design is None else layout.indices(design, points.sample.x, points.sample.y, LEVEL)
     )
@@ -136,52 +136,6 @@ def answer(sample: Sample) -> dict[str, Any]:
         },
         "remarks": [remark for remark in remarks if remark],
     }
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Used:
-    """What indices of samples are told from."""
-
-    #: Shapes (rows, factors) and (rows, outputs), in no order.
-    x: Array
-    y: Array
-    #: Whether the rows may have been drawn independently.
-    drawn: bool
-    #: The layout that was recognised.
-    design: layout.Layout | None
-    remarks: Sequence[str]
-
-
-def _used(sample: Sample) -> _Used:
-    """Return the rows that nobody laid out, as far as that can be seen."""
-    rows, remarks, drawn = np.flatnonzero(sample.complete), [], True
-    design = layout.recognise(sample.x)
-    if design is not None:
-        remarks.append(design.sentence)
-        rows = design.independent[sample.complete[design.independent]]
-        if len(rows) < FEWEST_ROWS:
-            remarks.append(
-                f"Only {len(rows)} of its runs share no value by design, and {FEWEST_ROWS} are "
-                "needed for the indices of samples: those of the design are all there is."
-            )
-            rows = rows[:0]
-    elif parts := in_parts(sample.x[rows]):
-        apart = sharing_nothing(sample.x[rows])
-        drawn = len(apart) >= FEWEST_ROWS
-        remarks.append(
-            f"{parts} of {len(rows)} rows differ from another in one factor only, as parts of a "
-            "Saltelli or Morris design do: they are not drawn independently. "
-            + (
-                f"Only the {len(apart)} rows that share no value are used. "
-                if drawn
-                else "Intervals are too narrow. "
-            )
-            + "If it is a design, give every line of it, in its order."
-        )
-        rows = rows[apart] if drawn else rows
-    # Rows may come sorted by a factor, and equal values would then stay sorted.
-    rows = rows[np.random.default_rng(0).permutation(len(rows))]
-    return _Used(x=sample.x[rows], y=sample.y[rows], drawn=drawn, design=design, remarks=remarks)
 
 
 def _few_rows(rows: int, design: layout.Layout | None) -> str:

@@ -1,0 +1,102 @@
+"""Whether each row goes on from the one before, as steps of a chain or of a time series do.
+
+Such rows tell less than as many independent ones, and a factor that drifts as the output does looks
+influential (Yule 1926, Why do we sometimes get nonsense-correlations between time-series?).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest, norm, rankdata
+
+Array = NDArray[np.float64]
+
+#: How likely one column or more of a table drawn independently is said to follow, and how likely
+#: steps upwards and downwards of a column that was not sorted are as unlike in number.
+_BY_CHANCE = 1e-3
+#: Correlation with the row before from which intervals are a tenth too narrow or more.
+_LEAST = 0.3
+#: Factors that are shown.
+_SHOWN = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chain:
+    """Factors that go on from row to row."""
+
+    #: Which, the strongest first, and how their ranks correlate with those of the row before.
+    factors: Sequence[int]
+    correlation: Sequence[float]
+    #: How many independent rows determine a variance as well.
+    rows: float
+
+    def sentence(self, names: Sequence[str], rows: int) -> str:
+        """Return what to say of it, with the names of all factors and the number of rows."""
+        shown = ", ".join(
+            f"{names[f]} ({r:+.2f})"
+            for f, r in zip(self.factors[:_SHOWN], self.correlation, strict=False)
+        )
+        more = len(self.factors) - _SHOWN
+        return (
+            "Rows go on from the row before, as those of a Markov chain or of a time series do "
+            f"(rank correlation with it: {shown}{f' and {more} more' if more > 0 else ''}). "
+            f"They are not drawn independently, and tell as much as about {self.rows:.0f} rows of "
+            f"{rows:,} would: intervals are too narrow, and p-values too small. Give every so many "
+            "rows only. If the table was sorted so, it does not matter."
+        )
+
+
+def chain(x: Array, y: Array) -> Chain | None:
+    """Return which factors go on from row to row; None if none does, or rows were sorted.
+
+    By von Neumann's ratio of ranks (Bartels 1982, The rank version of von Neumann's ratio test for
+    randomness), each factor at its part of the level (Bonferroni). A variance of such rows is
+    told as well as by (1 - r^2) / (1 + r^2) times as many (Bayley and Hammersley 1946, The
+    effective number of independent observations in an autocorrelated time series).
+
+    Args:
+        x, y: factors and outputs, shape (rows, factors) and (rows, outputs), in the file's order.
+    """
+    rows = len(x)
+    if any(_sorted(column) for column in (*x.T, *y.T)):
+        return None
+    least = max(_LEAST, float(norm.isf(_BY_CHANCE / x.shape[1])) / np.sqrt(rows))
+    found = []
+    for f, column in enumerate(x.T):
+        # Of a factor of few values, as of a grid, loops make blocks.
+        if len(np.unique(column)) <= rows / 2:
+            continue
+        correlation = _with_the_row_before(column)
+        if correlation >= least and not _sawtooth(column):
+            found.append((correlation, f))
+    if not found:
+        return None
+    found.sort(reverse=True)
+    strongest = found[0][0] ** 2
+    return Chain(
+        factors=[f for _, f in found],
+        correlation=[r for r, _ in found],
+        rows=max(rows * (1.0 - strongest) / (1.0 + strongest), 1.0),
+    )
+
+
+def _with_the_row_before(column: Array) -> float:
+    rank = rankdata(column)
+    return float(1.0 - np.sum(np.diff(rank) ** 2) / (2.0 * np.sum((rank - rank.mean()) ** 2)))
+
+
+def _sorted(column: Array) -> bool:
+    steps = np.diff(column)
+    return bool((steps >= 0.0).all() or (steps <= 0.0).all())
+
+
+def _sawtooth(column: Array) -> bool:
+    """Say whether a column rises or falls again and again, as where it is sorted beside another.
+
+    Or as points of a lattice or of Halton's sequence do. A chain rises as often as it falls.
+    """
+    steps = np.diff(column)
+    up, down = int((steps > 0.0).sum()), int((steps < 0.0).sum())
+    return bool(up + down > 0 and binomtest(up, up + down).pvalue < _BY_CHANCE)
