@@ -16,8 +16,13 @@ Array = NDArray[np.float64]
 #: How likely one column or more of a table drawn independently is said to follow, and how likely
 #: steps upwards and downwards of a column that was not sorted are as unlike in number.
 _BY_CHANCE = 1e-3
-#: Correlation with the row before from which intervals are a tenth too narrow or more.
-_LEAST = 0.3
+#: Correlation with the row before from which intervals are a fifth too narrow or more: 0.22 is its
+#: square where (1 + r^2) / (1 - r^2) is 1.25 squared. (Looked at on Sobol's sequence of which every
+#: seventh point was kept, where it is 0.43 at most.)
+_LEAST = 0.47
+#: Rank correlation with the row's number from which a column is in order, but for what is less than
+#: its steps: of m levels in loops, each jittered, it is 1 - 1 / m^2, 0.89 of three.
+_IN_ORDER = 0.85
 #: Factors that are shown.
 _SHOWN = 5
 
@@ -88,8 +93,9 @@ def _with_the_row_before(column: Array) -> float:
 
 
 def _sorted(column: Array) -> bool:
-    steps = np.diff(column)
-    return bool((steps >= 0.0).all() or (steps <= 0.0).all())
+    """Say whether rows are in the order of a column, or nearly, as of a grid that is jittered."""
+    rank = rankdata(column)
+    return bool(abs(np.corrcoef(rank, np.arange(len(rank)))[0, 1]) > _IN_ORDER)
 
 
 def _sawtooth(column: Array) -> bool:

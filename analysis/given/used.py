@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from analysis.given import layout
 from analysis.given.copies import FEWEST_ROWS
 from analysis.given.groups import in_trajectories, together
+from analysis.given.order import chain
 from analysis.given.sample import Sample
-from analysis.given.spread import in_parts, sharing_nothing
+from analysis.given.spread import in_parts, quasi_random, sharing_nothing
 
 Array = NDArray[np.float64]
 
@@ -96,6 +97,8 @@ def _no_design(sample: Sample, rows: NDArray[np.intp]) -> _Drawn:
             "narrow."
         )
         return _Drawn(rows=rows, drawn=False, remarks=[said])
+    if (one := chain(x, sample.y[rows])) and not quasi_random(x):
+        return _Drawn(rows=rows, drawn=False, remarks=[one.sentence(sample.factors, len(rows))])
     return _Drawn(rows=rows, drawn=True, remarks=[])
 
 
