@@ -18,6 +18,7 @@ from analysis.given.sample import Sample, choose
 from analysis.given.spread import quasi_random
 from analysis.given.tails import on_few_rows
 from analysis.given.used import used
+from analysis.given.waves import missed
 from analysis.json_values import number
 from analysis.sensitivity.estimators import Estimate
 from analysis.sensitivity.judgement.trust import FEWEST_ROWS as FEWEST_BELIEVED
@@ -89,6 +90,10 @@ def answer(sample: Sample) -> dict[str, Any]:
         remarks += [
             on_few_rows(name, y[:, o], sample.factors, x) for o, name in enumerate(sample.outputs)
         ]
+    # Rows that share values of others, or lie evenly, are alike for that.
+    if len(x) and rows.drawn and not any("rbd_fast" in names for names, _ in withheld):
+        for o, name in enumerate(sample.outputs):
+            remarks += missed(name, y[:, o], sample.factors, x)
     for name, own in zip(sample.outputs, sample.y.T, strict=True):
         ends = float(np.nanmin(own)), float(np.nanmax(own))
         lost = [*not_in_numbers(name, *ends), *in_last_digits(name, *ends)]

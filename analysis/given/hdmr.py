@@ -58,7 +58,7 @@ def leave_out(x: Array, y: Array) -> tuple[Array, Spread]:
     of freedom go by the fourth moment of what each row adds (Satterthwaite 1946).
     """
     rows, factors = x.shape
-    each_own = [_apart(_splines(column, pieces(rows, factors))) for column in x.T]
+    each_own = [_apart(splines(column, pieces(rows, factors))) for column in x.T]
     ends = np.cumsum([one.shape[1] for one in each_own])
     basis = np.concatenate(each_own, axis=1)
     solved = _solved(basis)
@@ -151,7 +151,7 @@ def _chance(splines: Array, solved: Array, noise: Array, fitted: Array) -> tuple
     return float(form), float(((splines @ beside) * splines).sum(axis=1) @ fitted**2)
 
 
-def _splines(column: Array, pieces: int) -> Array:
+def splines(column: Array, pieces: int) -> Array:
     """Return the B-splines of a factor, (rows, pieces + _DEGREE) unless it has few values."""
     knots = np.unique(np.quantile(column, np.linspace(0.0, 1.0, pieces + 1)))
     if len(knots) == 1:

@@ -65,7 +65,7 @@ def test_what_chance_adds_to_hdmr_is_told_by_rows_that_are_left_out_one_by_one()
     x = rng.random((60, 2))
     y = ishigami(np.column_stack([x, rng.random(60)]))
     centred = y - y.mean()
-    basis = np.concatenate([hdmr._splines(column, hdmr.PIECES) for column in x.T], axis=1)
+    basis = np.concatenate([hdmr.splines(column, hdmr.PIECES) for column in x.T], axis=1)
     # Splines of both factors share a constant, and something has to choose.
     penalty = 1e-9 * np.diag((basis**2).sum(axis=0))
 

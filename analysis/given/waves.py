@@ -1,0 +1,69 @@
+"""Whether an output changes with a factor more often than first-order shares follow.
+
+Rows whose values of a factor are next to each other have outputs that are alike as far as that
+factor makes them, however often it does (Gamboa, Gremaud, Klein and Lagnoux 2022, Global
+sensitivity analysis: a novel generation of mighty estimators based on rank statistics, Bernoulli
+28). So do rows that share a code without order, of more values than have means of their own.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from analysis.given.hdmr import ROWS_EACH, pieces, splines
+from analysis.given.measures import FEW_VALUES, HARMONICS, class_means
+from analysis.sensitivity.judgement.screening import SHARE_OF_VARIANCE
+
+Array = NDArray[np.float64]
+
+#: How likely one factor or more is named of an output that harmonics follow.
+_BY_CHANCE = 1e-3
+
+
+def missed(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]:
+    """Say of which factors harmonics and splines together miss a share that matters.
+
+    By the correlation of neighbouring rows in what they leave, beyond chance (Bonferroni).
+
+    Args:
+        output, factors: names.
+        y: shape (rows,).
+        x: shape (rows, factors), drawn independently, in no order.
+    """
+    if np.ptp(y) == 0.0:
+        return []
+    u = (np.arange(len(y)) + 0.5) / len(y)
+    # Of rows in the order of a factor these are what `rbd_fast` fits, which goes there and back.
+    waves = np.cos(np.pi * np.outer(u, np.arange(HARMONICS + 1)))
+    cut = pieces(len(y), x.shape[1])
+    least = float(norm.isf(_BY_CHANCE / x.shape[1])) / np.sqrt(len(y))
+    said = []
+    for name, column in zip(factors, x.T, strict=True):
+        classes = np.unique(column, return_inverse=True)[1]
+        if classes.max() < FEW_VALUES:
+            continue
+        order = np.argsort(column, kind="stable")
+        fitted = np.linalg.qr(np.column_stack([waves, splines(column[order], cut)]))[0]
+        left = y[order] - fitted @ (fitted.T @ y[order])
+        squares = float(left @ left)
+        alike = float(left[1:] @ left[:-1]) / max(squares, float(np.finfo(float).tiny))
+        share = alike * squares / float(np.sum((y - y.mean()) ** 2))
+        if alike > least and share > SHARE_OF_VARIANCE:
+            said.append(_sentence(output, y, name, classes, share))
+    return said
+
+
+def _sentence(output: str, y: Array, name: str, classes: NDArray[np.intp], share: float) -> str:
+    values = int(classes.max()) + 1
+    codes = ""
+    if values * ROWS_EACH <= len(y):
+        codes = (
+            f" If its {values} values are codes, whose order means nothing, their means explain "
+            f"{class_means(classes, y):.2f}."
+        )
+    return (
+        f"{output} has more waves or jumps with {name} than rbd_fast and hdmr follow: the share of "
+        f"it that they tell is too small, by {share:.2f} or more.{codes}"
+    )
