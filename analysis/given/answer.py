@@ -90,6 +90,8 @@ def answer(sample: Sample) -> dict[str, Any]:
         remarks += [
             on_few_rows(name, y[:, o], sample.factors, x) for o, name in enumerate(sample.outputs)
         ]
+        for o, name in enumerate(sample.outputs):
+            remarks += doubts.itself(name, y[:, o], sample.factors, x)
     # Rows that share values of others, or lie evenly, are alike for that.
     if len(x) and rows.drawn and not any("rbd_fast" in names for names, _ in withheld):
         for o, name in enumerate(sample.outputs):

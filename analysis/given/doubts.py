@@ -4,19 +4,26 @@ Shares of independent factors sum to 1 at most (Sobol 1993, Sensitivity estimate
 mathematical models).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import norm
 
 from analysis.given.measures import MEASURES
 from analysis.sensitivity.judgement.screening import SHARE_OF_VARIANCE
 from analysis.sensitivity.judgement.trust import CLEARLY_ABOVE_ONE
 
+Array = NDArray[np.float64]
+
 #: Measures that are shares of the variance, as the first-order index of a design is.
 _SHARES = tuple(measure.name for measure in MEASURES if measure.symbol.startswith("S"))
 #: How likely one factor or more of an output is said to have two indices, if it has one.
 _BY_CHANCE = 1e-3
+#: What the correlation of two columns of the same lacks that are rounded to three digits of what
+#: they vary by: half of 0.001 squared.
+_SAME = 0.5e-6
 
 
 def beyond_the_whole(output: str, told: Mapping[str, Any], level: float) -> list[str]:
@@ -68,6 +75,25 @@ def out_of_range(output: str, told: Mapping[str, Any], level: float) -> list[str
                 "give sums and differences of such factors in their stead."
             )
     return said
+
+
+def itself(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]:
+    """Say which factor is the output but for its unit and what rounding does, as nothing else is.
+
+    Args:
+        output, factors: names.
+        y: shape (rows,).
+        x: shape (rows, factors).
+    """
+    if len(factors) < 2 or np.ptp(y) == 0.0:
+        return []
+    varies = np.flatnonzero(np.ptp(x, axis=0) > 0.0).tolist()
+    same = [factors[f] for f in varies if 1.0 - abs(np.corrcoef(x[:, f], y)[0, 1]) < _SAME]
+    return [
+        f"{output} is a straight line of {name}, to three digits of what it varies by or more. If "
+        "that is the output again, in another unit, leave it out: name the factors (--factor)."
+        for name in same
+    ]
 
 
 def two_answers(
