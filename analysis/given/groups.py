@@ -59,8 +59,8 @@ def _repeat(levels: NDArray[np.intp], rare: float) -> bool:
         levels: the number of each row's values, shape (rows, 2).
         rare: how likely chance makes so many pairs of rows.
     """
-    both = np.unique(levels @ [1, levels[:, 0].max() + 1], return_inverse=True)[1]
-    count = np.bincount(both)
+    both = levels @ [1, levels[:, 0].max() + 1]
+    count = np.unique(both, return_counts=True)[1]
     repeated = count[count > 1]
     # A value that many rows have, as a rain gauge's zero, makes one pair of values.
     if len(repeated) < FEWEST_POINTS or repeated.sum() < _SHARE * len(levels):
