@@ -33,11 +33,19 @@ LONG_WORDS = frozenset(word for words in WORDS.values() for word in words if len
 SPARE = ("deg", "rad", "s", "mm", "m", "nm", "n", "ma", "measured", "actual", "applied", "data")
 #: Words of what is no joint: a tool's force is no joint's effort.
 TOOLS = ("tcp", "tool", "ee", "flange")
+#: Words of what a controller has left to do: it moves as its joint does, and is no place of it.
+ERRORS = ("error", "errors", "err", "deviation", "deviations")
+#: The same where it stands in a channel's own name, and not in that of its topic or group.
+OWN_ERRORS = ("tracking",)
 #: Words of a channel that was wanted and not measured.
 WANTED = (
     *("ref", "reference", "des", "desired", "target", "setpoint", "goal"),
     *("cmd", "command", "commanded", "cmptd", "computed", "soll", "sollwert"),
 )
+#: `posa1` and `posd1`: a quantity, actual or desired, of joint 1.
+ACTUAL_OR_DESIRED = {"a": "actual", "d": "desired"}
+#: What a channel that a program took from a file of its own is called after.
+SUFFIX = re.compile(r"\.(?:txt|csv|dat|log|tsv|asc)$", re.IGNORECASE)
 #: Column of an array that a message has without names, below its topic: `robot.state.data[3]`.
 UNNAMED_ARRAY = re.compile(r"(?:^|.+[./])data[\[.]\d+\]?$")
 #: What a joint state's topic puts before its joints where a plotter writes it as a table.
@@ -52,6 +60,7 @@ SIGNALS = (*CHAIN, "effort")
 BY_NAME, BY_UNIT = "by its name", "by its unit"
 #: Why a channel is of none.
 OF_A_TOOL = "of a tool, not of a joint"
+AN_ERROR = "what a controller has left to do, not what was measured"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +87,22 @@ class Belief:
 
 def _tokens(name: str) -> list[str]:
     """Return the words of a name, also of one such as `TorqueCur1` or `jpos1`, and its numbers."""
-    spaced = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", " ", name)
-    return [_of_joint(word) for word in re.findall(r"[^\W\d_]+|\d+", spaced.lower())]
+    spaced = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", " ", SUFFIX.sub("", name))
+    words = re.findall(r"[^\W\d_]+|\d+", spaced.lower())
+    found = []
+    for word, after in zip(words, [*words[1:], ""], strict=True):
+        numbered = after.isdigit() and word[:-1] in LONG_WORDS and word not in LONG_WORDS
+        if numbered and word[-1] in ACTUAL_OR_DESIRED:
+            found += [word[:-1], ACTUAL_OR_DESIRED[word[-1]]]
+        else:
+            found.append(_of_joint(word))
+    return found
+
+
+def _is_error(name: str) -> bool:
+    """Whether a channel is the difference of what was wanted and what was measured."""
+    own = _tokens(re.split(r"[/.]", SUFFIX.sub("", name))[-1])
+    return bool({*_tokens(name)} & {*ERRORS} or {*own} & {*OWN_ERRORS})
 
 
 def _of_joint(word: str) -> str:
@@ -149,7 +172,8 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
     Where a unit in the name and a word in it are of two quantities, the unit is right: `u [V]`. But
     a single letter at the end is then no unit, but the name of a joint or a part: `q_A`.
     """
-    name = JOINT_STATES.sub("", channel.name)
+    whole = SUFFIX.sub("", channel.name)
+    name = JOINT_STATES.sub("", whole)
     rest, unit, sure = split_unit(name)
     words = _tokens(rest)
     named = next((q for q, names in WORDS.items() if any(w in names for w in words)), None)
@@ -166,13 +190,15 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
         named, why = of_unit, BY_UNIT
     if {*words} & {*TOOLS} and "joint" not in words and channel.unit is None:
         return "unknown", channel.unit or unit or "?", "", OF_A_TOOL
+    if named not in ("", None, "time") and _is_error(name):
+        return "unknown", channel.unit or unit or "?", "", AN_ERROR
     if not named:
         return "unknown", channel.unit or unit or "?", "", ""
     spare = {*WORDS[named], *WANTED, *SPARE}
     stem = "_".join(word for word in _tokens(rest) if word not in spare)
     # What a torque was made of is no part of its joint's name.
     stem = stem.partition("_from_")[0]
-    if not unit and name != channel.name:
+    if not unit and name != whole:
         unit = STATE_UNITS.get(named)
     return named, channel.unit or unit or "?", stem, why
 

@@ -242,6 +242,40 @@ def test_what_has_another_name_is_no_joint() -> None:
     assert {found["temperature"].quantity, found["warming"].quantity} == {"unknown"}
 
 
+@pytest.mark.parametrize("suffix", ["", ".txt"])
+def test_what_a_controller_has_left_to_do_is_no_measured_signal(suffix: str) -> None:
+    m = motion()
+    arrays = {"time": m["time"]}
+    for n in (0, 1):
+        q, v = m["position"][:, n], m["velocity"][:, n]
+        arrays |= {f"error_pos_{n + 1}": -q + 0.1, f"error_vel_{n + 1}": -v}
+        arrays |= {f"posa{n + 1}": q, f"vela{n + 1}": v, f"posd{n + 1}": q + 0.1}
+        arrays |= {f"trq{n + 1}": np.sin(3 * q) + v}
+    found = believed(**{f"{name}{suffix}": values for name, values in arrays.items()})
+    seen = {(b.quantity, b.wanted, b.joint): name for name, b in found.items()}
+    for n in (0, 1):
+        for quantity, name in (("position", "posa"), ("velocity", "vela"), ("effort", "trq")):
+            assert seen[quantity, False, n] == f"{name}{n + 1}{suffix}"
+        assert seen["position", True, n] == f"posd{n + 1}{suffix}"
+    errors = [b for name, b in found.items() if "error" in name]
+    assert {(b.quantity, b.joint) for b in errors} == {("unknown", None)}
+    assert joint_names([*found.values()]) == ["joint_1", "joint_2"]
+
+
+@pytest.mark.parametrize("name", ["tracking_1", "position_deviation", "elbow.pos_err"])
+def test_a_deviation_by_any_word_is_no_position(name: str) -> None:
+    m = motion(joints=1)
+    channel = name if "pos" in name else f"pos_{name}"
+    found = believed(time=m["time"], elbow_pos=m["position"][:, 0], **{channel: m["time"] ** 2})
+    assert found[channel].joint is None and found["elbow_pos"].joint == 0
+
+
+def test_a_topic_that_tracks_holds_measured_positions() -> None:
+    m = motion(joints=1)
+    name = "/tracking_controller/state/positions[0]"
+    assert believed(time=m["time"], **{name: m["position"][:, 0]})[name].quantity == "position"
+
+
 def clockless(path: Path, *, twist: float = 1.0) -> Path:
     """Write positions, velocities and efforts of two joints at 200 Hz, without a clock."""
     m = motion()
