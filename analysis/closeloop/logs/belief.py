@@ -3,6 +3,7 @@
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -26,6 +27,11 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     ),
     "current": ("current", "currents", "curr", "i", "amp", "amps", "strom"),
 }
+#: What is of now, where `current` stands before it.
+OF_NOW = {
+    *(word for quantity in ("position", "velocity", "acceleration") for word in WORDS[quantity]),
+    *("pose", "orientation", "quaternion", "quat"),
+}
 #: What is written in one with such a word of three letters or more: `jpos0`, `qvel`.
 OF_JOINTS = ("joint", "j", "q")
 LONG_WORDS = frozenset(word for words in WORDS.values() for word in words if len(word) > 2)
@@ -33,6 +39,10 @@ LONG_WORDS = frozenset(word for words in WORDS.values() for word in words if len
 SPARE = ("deg", "rad", "s", "mm", "m", "nm", "n", "ma", "measured", "actual", "applied", "data")
 #: Words of what is no joint: a tool's force is no joint's effort.
 TOOLS = ("tcp", "tool", "ee", "flange")
+#: Words of what has six sides, as a tool has and no joint.
+POSES = ("pose", "orientation", "quaternion", "quat", "wrench", "cartesian")
+#: What may stand between `current`, where it means "of now", and the quantity: no motor's current.
+BETWEEN = ("joint", "joints", "robot", "arm", *TOOLS, "cartesian")
 #: Words of what a controller has left to do: it moves as its joint does, and is no place of it.
 ERRORS = ("error", "errors", "err", "deviation", "deviations")
 #: The same where it stands in a channel's own name, and not in that of its topic or group.
@@ -85,24 +95,42 @@ class Belief:
     why: str = ""
 
 
-def _tokens(name: str) -> list[str]:
+def words_of(name: str) -> list[str]:
     """Return the words of a name, also of one such as `TorqueCur1` or `jpos1`, and its numbers."""
     spaced = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", " ", SUFFIX.sub("", name))
     words = re.findall(r"[^\W\d_]+|\d+", spaced.lower())
     found = []
-    for word, after in zip(words, [*words[1:], ""], strict=True):
+    for word, after in pairwise([*words, ""]):
         numbered = after.isdigit() and word[:-1] in LONG_WORDS and word not in LONG_WORDS
         if numbered and word[-1] in ACTUAL_OR_DESIRED:
             found += [word[:-1], ACTUAL_OR_DESIRED[word[-1]]]
         else:
             found.append(_of_joint(word))
-    return found
+    return _without_now(found)
+
+
+def _without_now(words: list[str]) -> list[str]:
+    """Return words without a `current` before a quantity of motion: `current_joint_position`."""
+    after = iter(words)
+    if "current" not in after:
+        return words
+    of_now = next((word for word in after if word not in BETWEEN), "") in OF_NOW
+    at = words.index("current")
+    return [*words[:at], *words[at + 1 :]] if of_now else words
+
+
+def _is_tools(name: str) -> bool:
+    """Whether a channel is of a tool; a Cartesian controller has joints, too."""
+    parts = [part for part in re.split(r"[/.]", name) if "controller" not in part.lower()]
+    words = {*words_of(name)}
+    of_tool = words & {*TOOLS} or {word for part in parts for word in words_of(part)} & {*POSES}
+    return bool(of_tool) and "joint" not in words
 
 
 def _is_error(name: str) -> bool:
     """Whether a channel is the difference of what was wanted and what was measured."""
-    own = _tokens(re.split(r"[/.]", SUFFIX.sub("", name))[-1])
-    return bool({*_tokens(name)} & {*ERRORS} or {*own} & {*OWN_ERRORS})
+    own = words_of(re.split(r"[/.]", SUFFIX.sub("", name))[-1])
+    return bool({*words_of(name)} & {*ERRORS} or {*own} & {*OWN_ERRORS})
 
 
 def _of_joint(word: str) -> str:
@@ -113,7 +141,7 @@ def _of_joint(word: str) -> str:
 
 def by_name(channel: Channel) -> Belief:
     """Return what the words and the unit of a channel's name say, the unit before a word."""
-    words = _tokens(channel.name)
+    words = words_of(channel.name)
     finite = channel.values[np.isfinite(channel.values)]
     if len(finite) < 2:
         return Belief(channel=channel, quantity="unknown", why="holds hardly a number")
@@ -134,10 +162,10 @@ def held(belief: Belief) -> Belief:
 
 def desired(beliefs: Sequence[Belief]) -> list[Belief]:
     """Return beliefs in which `q_d` is wanted if there is a `q`, too."""
-    names = {tuple(_tokens(belief.channel.name)) for belief in beliefs}
+    names = {tuple(words_of(belief.channel.name)) for belief in beliefs}
     found = []
     for belief in beliefs:
-        words = _tokens(belief.channel.name)
+        words = words_of(belief.channel.name)
         if "d" in words and tuple(word for word in words if word != "d") in names:
             belief = replace(_without(belief, "d"), wanted=True)
         found.append(belief)
@@ -175,7 +203,7 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
     whole = SUFFIX.sub("", channel.name)
     name = JOINT_STATES.sub("", whole)
     rest, unit, sure = split_unit(name)
-    words = _tokens(rest)
+    words = words_of(rest)
     named = next((q for q, names in WORDS.items() if any(w in names for w in words)), None)
     of_unit = UNITS[unit].quantity if unit else ""
     why = BY_NAME
@@ -188,14 +216,14 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
             rest, unit = name, None
     elif unit and not named and sure and UNITS[unit].tells:
         named, why = of_unit, BY_UNIT
-    if {*words} & {*TOOLS} and "joint" not in words and channel.unit is None:
+    if channel.unit is None and _is_tools(rest):
         return "unknown", channel.unit or unit or "?", "", OF_A_TOOL
     if named not in ("", None, "time") and _is_error(name):
         return "unknown", channel.unit or unit or "?", "", AN_ERROR
     if not named:
         return "unknown", channel.unit or unit or "?", "", ""
     spare = {*WORDS[named], *WANTED, *SPARE}
-    stem = "_".join(word for word in _tokens(rest) if word not in spare)
+    stem = "_".join(word for word in words_of(rest) if word not in spare)
     # What a torque was made of is no part of its joint's name.
     stem = stem.partition("_from_")[0]
     if not unit and name != whole:
@@ -206,5 +234,5 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
 def is_nameless(channel: Channel) -> bool:
     """Whether a name says nothing: `column 3`, `x1`, `signals[2]`; a topic names no columns."""
     name = UNNAMED_ARRAY.sub("data", channel.name)
-    words = [word for word in _tokens(name) if not word.isdigit()]
+    words = [word for word in words_of(name) if not word.isdigit()]
     return all(len(word) <= 2 or word in ("column", "signal", "signals", "data") for word in words)

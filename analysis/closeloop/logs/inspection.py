@@ -23,8 +23,9 @@ from analysis.closeloop.logs.belief import (
 )
 from analysis.closeloop.logs.clock import find_clock, set_rate
 from analysis.closeloop.logs.derivatives import FEWEST, find_derivatives, find_rate
-from analysis.closeloop.logs.joints import as_positions
+from analysis.closeloop.logs.joints import as_positions, numbered_as_positions
 from analysis.closeloop.logs.log import Log, Numbers
+from analysis.closeloop.logs.tools import without_tools
 from analysis.closeloop.logs.units import UNITS
 from analysis.closeloop.logs.variants import without_dead, without_forms
 
@@ -46,7 +47,8 @@ def believe(log: Log, rate_hz: float | None = None, known: Collection[str] = ())
         known: names of the model's joints.
     """
     named = desired([by_name(channel) for channel in log.channels])
-    beliefs = as_positions(without_words_of_quantities(named), known)
+    beliefs = as_positions(without_words_of_quantities(without_tools(named)), known)
+    beliefs = numbered_as_positions(beliefs)
     groups: dict[object, list[int]] = {}
     for at, belief in enumerate(beliefs):
         time = belief.channel.time

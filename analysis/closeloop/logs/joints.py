@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.logs.belief import JOINT_STATES, Belief
+from analysis.closeloop.logs.belief import JOINT_STATES, SIGNALS, Belief, words_of
 from intake.xml import listed
 
 #: Kinds of joints, in URDF or MJCF, that turn about or slide along no single axis.
@@ -15,6 +15,7 @@ MANY_OR_NONE = ("fixed", "floating", "planar", "free", "ball")
 
 #: Why a channel is a position.
 OF_MODEL = "has the name of a joint of the model"
+OF_NUMBER = "has a joint's number, and no position has a name"
 
 
 def joint_name(belief: Belief) -> str | None:
@@ -40,6 +41,27 @@ def as_positions(beliefs: Sequence[Belief], known: Collection[str]) -> list[Beli
             belief = replace(belief, stem=name)
         elif name in known and quantity == "unknown" and not (belief.why or belief.wanted):
             belief = replace(belief, quantity="position", stem=name, why=OF_MODEL)
+        found.append(belief)
+    return found
+
+
+def numbered_as_positions(beliefs: Sequence[Belief]) -> list[Belief]:
+    """Return beliefs in which `joint_1` is the position of that joint, if nothing else is one.
+
+    `current_joint_1` is, too, where no other signal is a joint's: else it is a motor's current.
+    """
+    signals = {belief.quantity for belief in beliefs if not belief.wanted} & {*SIGNALS}
+    if "position" in signals:
+        return [*beliefs]
+    found = []
+    for belief in beliefs:
+        *words, number = words_of(belief.channel.name.rpartition("/")[2]) or [""]
+        free = belief.quantity in ("unknown", "constant") and belief.unit == "?"
+        own = free and words in (["joint"], ["joints"])
+        own |= not signals and words == ["current", "joint"] and belief.unit == "?"
+        if own and number.isdigit() and not belief.wanted:
+            why = f"{OF_NUMBER}; {belief.why}" if belief.why == "never changes" else OF_NUMBER
+            belief = replace(belief, quantity="position", stem=number, why=why)
         found.append(belief)
     return found
 

@@ -276,6 +276,57 @@ def test_a_topic_that_tracks_holds_measured_positions() -> None:
     assert believed(time=m["time"], **{name: m["position"][:, 0]})[name].quantity == "position"
 
 
+def test_a_pose_and_a_wrench_are_a_tools_and_numbered_joints_are_positions() -> None:
+    m = motion(joints=3)
+    q, v = m["position"], m["velocity"]
+    arrays = {"time": m["time"]}
+    for n, axis in enumerate("xyz"):
+        arrays |= {f"current_pos_{axis}": q[:, n] / 9, f"goal_pos_{axis}": q[:, n] / 9.1}
+        arrays |= {f"current_orientation_{axis}": np.sin(q[:, n])}
+        arrays |= {f"force_{axis}": v[:, n] ** 2, f"torque_{axis}": np.cos(q[:, n])}
+    arrays |= {f"goal_orientation_{axis}": np.cos(m["time"] + n) for n, axis in enumerate("wxyz")}
+    joints = {f"joint_{n + 1}": q[:, n] for n in range(3)} | {"joint_4": np.ones(len(q))}
+    found = believed(**arrays, **joints)
+    assert {name: b.joint for name, b in found.items() if b.joint is not None} == {
+        name: n for n, name in enumerate(joints)
+    }
+    assert {found[name].quantity for name in joints} == {"position"}
+    assert joint_names([*found.values()]) == [*joints]
+
+
+def test_a_gantry_has_joints_called_as_axes_are() -> None:
+    m = motion()
+    q, v = m["position"], m["velocity"]
+    arrays = {f"pos_{axis}": q[:, n] for n, axis in enumerate("xy")}
+    arrays |= {f"force_{axis}": np.sin(3 * v[:, n]) for n, axis in enumerate("xy")}
+    found = believed(time=m["time"], **arrays)
+    assert [b.joint for b in found.values()] == [None, 0, 1, 0, 1]
+
+
+def test_current_before_a_motion_is_of_now_and_else_a_motors() -> None:
+    m = motion(joints=1)
+    q, v = m["position"][:, 0], m["velocity"][:, 0]
+    now = believed(time=m["time"], current_joint_position_1=q, current_joint_velocity_1=v)
+    assert [b.quantity for b in now.values()] == ["time", "position", "velocity"]
+    assert [b.joint for b in now.values()] == [None, 0, 0]
+    motors = believed(time=m["time"], position_joint_1=q, current_joint_1=np.sin(3 * v))
+    assert [b.quantity for b in motors.values()] == ["time", "position", "current"]
+    alone = believed(time=m["time"], current_joint_1=q, goal_joint_1=q + 0.1)
+    assert alone["current_joint_1"].quantity == "position"
+
+
+def test_a_numbered_joint_beside_a_position_is_left_unknown() -> None:
+    m = motion()
+    found = believed(time=m["time"], elbow_pos=m["position"][:, 0], joint_1=m["position"][:, 1])
+    assert found["joint_1"].quantity == "unknown"
+
+
+def test_a_cartesian_controller_has_joints() -> None:
+    m = motion(joints=1)
+    name = "/cartesian_controller/state.position[0]"
+    assert believed(time=m["time"], **{name: m["position"][:, 0]})[name].quantity == "position"
+
+
 def clockless(path: Path, *, twist: float = 1.0) -> Path:
     """Write positions, velocities and efforts of two joints at 200 Hz, without a clock."""
     m = motion()
