@@ -98,6 +98,16 @@ def of_rates(log: Log, beliefs: Sequence[Belief]) -> list[str]:
     ]
 
 
+def of_no_joint(beliefs: Sequence[Belief]) -> list[str]:
+    """Say of a log that none of its channels seems to be a joint's."""
+    if any(belief.joint is not None for belief in beliefs):
+        return []
+    return [
+        "no channel seems to be the position, velocity, acceleration or effort of a joint: say "
+        "--as 'CHANNEL=JOINT.QUANTITY' of each that is"
+    ]
+
+
 def is_in_degrees(angles: Numbers) -> bool:
     """Whether angles, (n,), are too large for rad; one glitch makes no degrees."""
     whole = np.abs(angles[np.isfinite(angles)])

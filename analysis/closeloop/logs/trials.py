@@ -4,6 +4,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -41,34 +42,41 @@ def join_trials(log: Log) -> None:
     others, if each has a clock that no other has, a position and an effort. Where names are
     numbered, clocks too, the numbers are those of trials.
     """
-    while (found := _numbered(log) or _trials_in(log)) is not None:
-        parent, places = found
-        common = _common(places)
-        gone = {channel.name for place in places.values() for channel in place.values()}
-        left = [
-            channel.name
-            for place in places.values()
-            for name, channel in place.items()
-            if name not in common
-        ]
-        if left:
-            log.remarks.append(f"not every trial has {listed(left)}, and they were left out")
-        labels = {place: _label(parent or "trial", place) for place in places}
-        told = [
-            f"{labels[place]} ({len(next(iter(signals.values())).values)} samples)"
-            for place, signals in places.items()
-        ]
-        log.remarks.append(f"{len(places)} trials hold the same signals: {listed(told)}")
-        kept = [channel for channel in log.channels if channel.name not in gone]
-        # What only numbers elements is no part of a signal's name.
-        above = parent[: parent.rstrip("/").rfind("/") + 1]
-        taken = {channel.name for channel in kept}
-        if not all(map(str.isdigit, places)) or any(f"{above}{name}" in taken for name in common):
-            above = parent
-        log.channels = kept + [
-            _joined(_named(f"{above}{name}"), {labels[p]: places[p][name] for p in places})
-            for name in common
-        ]
+    while found := _numbered(log) or _trials_in(log):
+        for parent, places in found:
+            _join(log, parent, places)
+
+
+def _join(log: Log, parent: str, places: Places) -> None:
+    """Join the signals of places that are trials, below one parent, in place."""
+    common = _common(places)
+    gone = {channel.name for place in places.values() for channel in place.values()}
+    left = [
+        channel.name
+        for place in places.values()
+        for name, channel in place.items()
+        if name not in common
+    ]
+    if left:
+        log.remarks.append(f"not every trial has {listed(left)}, and they were left out")
+    labels = {place: _label(parent or "trial", place) for place in places}
+    told = [
+        f"{labels[place]} ({len(next(iter(signals.values())).values)} samples)"
+        for place, signals in places.items()
+    ]
+    remark = f"{len(places)} trials hold the same signals: {listed(told)}"
+    if remark not in log.remarks:
+        log.remarks.append(remark)
+    kept = [channel for channel in log.channels if channel.name not in gone]
+    # What only numbers elements is no part of a signal's name.
+    above = parent[: parent.rstrip("/").rfind("/") + 1]
+    taken = {channel.name for channel in kept}
+    if not all(map(str.isdigit, places)) or any(f"{above}{name}" in taken for name in common):
+        above = parent
+    log.channels = kept + [
+        _joined(_named(f"{above}{name}"), {labels[p]: places[p][name] for p in places})
+        for name in common
+    ]
 
 
 def _common(places: Places) -> list[str]:
@@ -83,8 +91,8 @@ def _named(path: str) -> str:
     return f"column {int(column[1]) + 1}" if column else path
 
 
-def _numbered(log: Log) -> tuple[str, Places] | None:
-    """Return a place in which t1, q1 and tau1, t2, q2 and tau2 are trials, and these.
+def _numbered(log: Log) -> list[tuple[str, Places]]:
+    """Return the first place in which t1, q1 and tau1, t2, q2 and tau2 are trials, and these.
 
     Joints share a clock; what has one for each number numbers trials. But the lines of a table are
     of one moment, unless its columns end at different ones.
@@ -115,8 +123,8 @@ def _numbered(log: Log) -> tuple[str, Places] | None:
         said = {q for place in timed.values() for q in _quantities(place, common)}
         parts = {word for name in common for word in re.findall("[a-z]+", name.lower())} & PARTS
         if {"time", "position"} <= said and said & {"effort", "current"} and not parts:
-            return parent, dict(sorted(timed.items(), key=lambda item: int(item[0])))
-    return None
+            return [(parent, dict(sorted(timed.items(), key=lambda item: int(item[0]))))]
+    return []
 
 
 def _quantities(place: dict[str, Channel], names: Iterable[str]) -> set[str]:
@@ -130,25 +138,37 @@ def _ended(channel: Channel) -> Channel:
     return replace(channel, values=channel.values[: whole[-1] + 1]) if len(whole) else channel
 
 
-def _trials_in(log: Log) -> tuple[str, Places] | None:
-    """Return a place below which others are trials, the deepest first; its name ends in `/`."""
+def _trials_in(log: Log) -> list[tuple[str, Places]]:
+    """Return the deepest places below which others are trials, and these; names end in `/`.
+
+    All of one depth at once: a file of 38 subjects with as many blocks each would be gone through
+    anew for each of them.
+    """
     if log.kind == "CSV":
-        return None
+        return []
     below: dict[str, Places] = defaultdict(lambda: defaultdict(dict))
     for channel in log.channels:
         parts = channel.name.split("/")
         for at in range(len(parts) - 1):
             parent = "".join(f"{part}/" for part in parts[:at])
             below[parent][parts[at]]["/".join(parts[at + 1 :])] = channel
-    for parent in sorted(below, key=lambda name: -name.count("/")):
-        numbered: dict[str, Places] = defaultdict(dict)
-        for place, signals in below[parent].items():
-            kind = re.sub(r"\d+", "#", place)
-            numbered[kind if kind != place else ""][place] = signals
-        for kind, places in numbered.items():
-            if _are_trials(parent, kind, places):
-                return parent, dict(sorted(places.items(), key=lambda item: _order(item[0])))
-    return None
+    parents = sorted(below, key=lambda name: -name.count("/"))
+    for _, alike in groupby(parents, key=lambda name: name.count("/")):
+        if found := [(parent, own) for parent in alike if (own := _alike(parent, below[parent]))]:
+            return found
+    return []
+
+
+def _alike(parent: str, below: Places) -> Places:
+    """Return those places below a parent that are trials, in order; none if none are."""
+    numbered: dict[str, Places] = defaultdict(dict)
+    for place, signals in below.items():
+        kind = re.sub(r"\d+", "#", place)
+        numbered[kind if kind != place else ""][place] = signals
+    for kind, places in numbered.items():
+        if _are_trials(parent, kind, places):
+            return dict(sorted(places.items(), key=lambda item: _order(item[0])))
+    return {}
 
 
 def _are_trials(parent: str, kind: str, places: Places) -> bool:
@@ -167,9 +187,14 @@ def _are_trials(parent: str, kind: str, places: Places) -> bool:
         return False
     if kind and words & TRIALS:
         return True
-    clocks = [_clock([place[name] for name in common]) for place in places.values()]
-    if kind or None in clocks:
-        return None not in clocks
+    clocks = []
+    for place in places.values():
+        # Of results without any clock, thousands of them, the first place says enough.
+        if (clock := _clock([place[name] for name in common])) is None:
+            return False
+        clocks.append(clock)
+    if kind:
+        return True
     first = next(iter(places.values()))
     quantities = {by_name(first[name]).quantity for name in common}
     return {"position", "effort"} <= quantities and len({*clocks}) == len(clocks)

@@ -4,6 +4,7 @@ import re
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from math import pi
 
 
@@ -80,6 +81,8 @@ SPELLINGS = (
     (r"[ .·⋅*^]", ""),
 )
 _BY_PLAIN = {name.lower(): name for name in UNITS}
+#: Names that are kept as they were read: those of a log are asked for again and again.
+KEPT = 50_000
 #: Most characters of a unit.
 _LONGEST = 16
 #: A unit in brackets, and whatever could be one at the end.
@@ -88,6 +91,7 @@ _COLUMN = re.compile(r"/?\[\d+\]$")
 _ENDS = re.compile(r"(?<=[\s_/,])(?=(.+)$)")
 
 
+@lru_cache(KEPT)
 def unit_of(text: str) -> str | None:
     """Return the key of `UNITS` that a text means; None if it is no unit.
 
@@ -104,6 +108,7 @@ def unit_of(text: str) -> str | None:
     return None if len(text) == 1 and text.isascii() else found
 
 
+@lru_cache(KEPT)
 def split_unit(name: str) -> tuple[str, str | None, bool]:
     """Return a channel's name without its unit, the unit, and whether it can be nothing else.
 

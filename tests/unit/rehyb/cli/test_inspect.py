@@ -90,3 +90,11 @@ def test_degrees_that_are_assigned_without_a_factor_are_said(tmp_path: Path) -> 
         app, ["inspect", str(log(tmp_path)), "--as", "column 2=elbow.position"]
     )
     assert "say --as 'column 2=elbow.position*0.0174533'" in ran.stdout
+
+
+def test_a_log_without_any_joint_says_so(tmp_path: Path) -> None:
+    numbers = np.random.default_rng(0).normal(size=(60, 2))
+    np.savetxt(tmp_path / "log.csv", numbers, header="warmth,score", comments="", delimiter=",")
+    ran = CliRunner().invoke(app, ["inspect", str(tmp_path / "log.csv"), "--json"])
+    assert ran.exit_code == 0, ran.output
+    assert any("no channel seems to be" in line for line in json.loads(ran.stdout)["remarks"])

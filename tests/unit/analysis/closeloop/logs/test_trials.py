@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.closeloop.logs import trials as joining
 from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.clock import stretches
 from analysis.closeloop.logs.draft import write_session
@@ -319,3 +320,34 @@ def test_columns_of_a_table_are_trials_only_if_they_end_at_different_lines(tmp_p
     told, tables, _ = session_of(read(with_units), tmp_path / "session")
     assert [len(table) for table in tables] == [*LENGTHS]
     assert [trial["label"] for trial in told] == ["trial 1", "trial 2", "trial 3"]
+
+
+def test_trials_of_many_subjects_are_joined_in_one_pass_for_each_depth(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    time, rng = 0.01 * np.arange(40), np.random.default_rng(0)
+    subjects, blocks = 12, 3
+    arrays = [
+        (f"all/{subject}/blocks/{block}/{name}", time if name == "time" else rng.normal(size=40))
+        for subject in range(1, 1 + subjects)
+        for block in range(1, 1 + blocks)
+        for name in ("time", "score", "rank")
+    ]
+    passes = []
+    once = joining._trials_in
+    monkeypatch.setattr(joining, "_trials_in", lambda log: passes.append(1) or once(log))
+    log = log_of("MATLAB", arrays)
+    assert sorted(channel.name for channel in log.channels) == ["rank", "score", "time"]
+    assert {len(channel.values) for channel in log.channels} == {40 * subjects * blocks}
+    assert len(passes) <= 3
+    assert len(log.remarks) == 2
+
+
+def test_results_without_a_clock_are_given_up_at_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    arrays = [(f"all/{n}/{name}", rng.normal(size=40)) for n in range(1, 31) for name in "abc"]
+    asked = []
+    once = joining._clock
+    monkeypatch.setattr(joining, "_clock", lambda channels: asked.append(1) or once(channels))
+    log = log_of("MATLAB", arrays)
+    assert len(log.channels) == 90 and len(asked) == 1
