@@ -15,7 +15,7 @@ from analysis.closeloop.remedies import (
     with_efforts_exchanged,
     with_motions_exchanged,
 )
-from analysis.closeloop.session.plausibility import DEGREES
+from analysis.closeloop.session.angles import DEGREES
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.signs import (
     TURNED_LEAVES,

@@ -8,7 +8,7 @@ from dataclasses import replace
 from analysis.closeloop.logs.belief import SIGNALS, Belief
 from analysis.closeloop.logs.inspection import is_in_degrees
 from analysis.closeloop.logs.joints import joint_name, joint_names
-from analysis.closeloop.logs.units import UNITS
+from analysis.closeloop.unit_names import UNITS
 
 #: What a line that assigns a channel looks like: "column 14=elbow.effort*11.976", "u_V=-".
 ASSIGNMENT = re.compile(

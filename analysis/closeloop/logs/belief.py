@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from analysis.closeloop.logs.log import Channel
-from analysis.closeloop.logs.units import UNITS, split_unit
+from analysis.closeloop.unit_names import UNITS, split_unit
 
 #: Words that name a quantity.
 WORDS: Mapping[str, tuple[str, ...]] = {

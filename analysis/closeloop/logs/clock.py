@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.log import Numbers
-from analysis.closeloop.logs.units import UNITS
+from analysis.closeloop.unit_names import UNITS
 
 #: What a clock's median step, s, may be for a recording of joints.
 STEPS = (1e-5, 0.2)

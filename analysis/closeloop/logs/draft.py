@@ -14,8 +14,8 @@ from analysis.closeloop.logs.belief import SIGNALS, Belief
 from analysis.closeloop.logs.clock import stretches
 from analysis.closeloop.logs.joints import joints_in
 from analysis.closeloop.logs.log import Numbers
-from analysis.closeloop.logs.units import UNITS
 from analysis.closeloop.magnitudes import SAID, are_magnitudes
+from analysis.closeloop.unit_names import UNITS
 from intake.xml import listed
 
 #: What signals without any unit are taken for.

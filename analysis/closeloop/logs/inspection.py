@@ -26,8 +26,8 @@ from analysis.closeloop.logs.derivatives import FEWEST, find_derivatives, find_r
 from analysis.closeloop.logs.joints import as_positions, numbered_as_positions
 from analysis.closeloop.logs.log import Log, Numbers
 from analysis.closeloop.logs.tools import without_tools
-from analysis.closeloop.logs.units import UNITS
 from analysis.closeloop.logs.variants import without_dead, without_forms
+from analysis.closeloop.unit_names import UNITS
 
 #: More than that of an angle in rad is two turns either way; a joint seldom does it.
 TURNS = 4 * pi

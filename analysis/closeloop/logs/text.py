@@ -14,7 +14,7 @@ import numpy as np
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.trials import join_trials
-from analysis.closeloop.logs.units import unit_of
+from analysis.closeloop.unit_names import unit_of
 
 #: Of those in as many lines, the first: a decimal comma stands beside another separator.
 SEPARATORS = (";", "\t", "|", ",")

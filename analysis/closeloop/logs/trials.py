@@ -11,7 +11,7 @@ import numpy as np
 from analysis.closeloop.logs.belief import by_name
 from analysis.closeloop.logs.clock import find_clock
 from analysis.closeloop.logs.log import Channel, Log
-from analysis.closeloop.logs.units import split_unit
+from analysis.closeloop.unit_names import split_unit
 from intake.xml import listed
 
 #: Words for what a movement that is recorded once more is called.

@@ -5,30 +5,27 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.signal import butter, detrend, sosfiltfilt
+from scipy.signal import detrend
 from scipy.stats import median_abs_deviation, siegelslopes
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.session.angles import (
+    MAX_SPEED,
+    MAX_SPEED_SHARE,
+    check_degrees,
+    check_velocity,
+)
 from analysis.closeloop.session.contents import Trial
-from analysis.closeloop.session.device import MAX_HINGE, Device
+from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.missing import GAP_STEPS
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import MOVING, TRAVEL, saturated_line
 
-#: A hinge that may turn for ever is recorded in degrees if it turns faster than that, rad/s: no
-#: robot's joint does 600 turns a minute.
-MAX_SPEED = 60.0
-#: Least share of samples that do.
-MAX_SPEED_SHARE = 0.01
 #: Steps around one of which a few damaged cells are the lesser part, however they lie.
 LASTING = 9
-DEGREES = 180.0 / np.pi
 #: Share of samples that are another value in a signal that is constant otherwise: a file may lack
 #: as many (`trial_csv.MOST_LEFT_OUT`).
 ODD_SHARE = 0.01
-#: A velocity that is so many times the slope of its position, or that part of it, has another unit
-#: or another clock: no filter of a robot does that to the whole of a motion.
-OFF = 1.5
 #: An encoder is stuck that shows one value over this share of a trial while the velocity adds up to
 #: so much, rad or m, and to this share of all that the joint moves. Shorter runs are stale samples.
 STUCK_RUN = 0.1
@@ -117,13 +114,14 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
         if device.is_hinge(joint):
             _check_wraps(trial, joint, position)
             _check_jumps(trial, joint, position)
-            _check_degrees(trial, device, joint, position, joint in limb_joints)
-        if note := _beyond_range(trial, device, joint, position):
-            trial = replace(trial, repairs=(*trial.repairs, note))
+            note = check_degrees(trial, device, joint, position, joint in limb_joints)
+            trial = replace(trial, repairs=(*trial.repairs, *note))
+        if beyond := _beyond_range(trial, device, joint, position):
+            trial = replace(trial, repairs=(*trial.repairs, beyond))
         velocity = trial.columns.get(f"{joint}.velocity")
         if velocity is not None:
             _check_stuck(trial, joint, position, velocity)
-            _check_velocity(trial, joint, position, velocity)
+            check_velocity(trial, joint, position, velocity)
         if np.ptp(position) > 1e-9 * (1.0 + np.abs(position).max()):
             moving.append(joint)
     if not moving:
@@ -239,7 +237,7 @@ def _check_wraps(trial: Trial, joint: str, position: np.ndarray) -> None:
 def _check_jumps(trial: Trial, joint: str, position: np.ndarray) -> None:
     """Refuse a few samples to which no joint gets from the one before: damaged cells.
 
-    More of them are a unit (`_check_degrees`), and so is a speed that goes up and down by degrees.
+    More of them are a unit (`check_degrees`), and so is a speed that goes up and down by degrees.
     A motor whose range is declared may be fast: what lasts for several samples is its speed.
     """
     clock = np.diff(trial.time)
@@ -281,35 +279,6 @@ def _beyond_range(trial: Trial, device: Device, joint: str, position: np.ndarray
     return f"{share:.1%} of {joint}.position is outside of {where}" if share > 0.0 else ""
 
 
-def _check_degrees(
-    trial: Trial, device: Device, joint: str, position: np.ndarray, limb: bool
-) -> None:
-    low, high = device.range(joint)
-    if limb or high > low:
-        # A device may rightly turn further than a limb does, if its declared range says so.
-        beyond = np.abs(position) > max(MAX_HINGE, 1.5 * max(abs(low), abs(high)))
-        what = "no limb does" if limb else f"is far beyond its range, {low:g} to {high:g}"
-        unit, otherwise = "rad", ""
-        values = position
-    else:
-        values = np.gradient(position, trial.time)
-        beyond = np.abs(values) > MAX_SPEED
-        what, unit = "no robot's joint does", "rad/s"
-        otherwise = (
-            "; give a motor that is so fast a `range` in the model, the angles that it goes through"
-        )
-        # One wrong sample is no unit.
-        beyond &= np.mean(beyond) > MAX_SPEED_SHARE
-    if not beyond.any():
-        return
-    row = int(np.argmax(beyond))
-    why = (
-        f"reaches {values[row]:g} {unit}, which {what}; "
-        f"positions are in radians, and these look like degrees{otherwise}"
-    )
-    raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
-
-
 def _check_stuck(trial: Trial, joint: str, position: np.ndarray, velocity: np.ndarray) -> None:
     """Refuse an encoder that stays at one value while the recorded velocity says it moves."""
     step = np.diff(trial.time)
@@ -329,49 +298,6 @@ def _check_stuck(trial: Trial, joint: str, position: np.ndarray, velocity: np.nd
                 "says that the joint moves; look at the encoder"
             )
             raise SessionError(why, file=trial.file, column=f"{joint}.position", line=start + 2)
-
-
-def _check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np.ndarray) -> None:
-    """Compare a recorded velocity with the slope of its position, both smoothed alike.
-
-    Of a joint that is held, both are what an encoder's last digit and a robot's own filter make.
-    """
-    if np.ptp(position) <= MOVING:
-        return
-    slope = np.gradient(position, trial.time)
-    rate = 1.0 / float(np.median(np.diff(trial.time)))
-    sos = butter(2, min(5.0 / rate * 2.0, 0.9), output="sos")
-    slope, recorded = sosfiltfilt(sos, slope), sosfiltfilt(sos, velocity)
-    power = float(slope @ slope)
-    if power < len(slope) * 1e-8 or not np.any(recorded):
-        return
-    gain = float(slope @ recorded) / power
-    match = gain * power / np.sqrt(power * float(recorded @ recorded))
-    if abs(match) < 0.8:
-        return
-    column = f"{joint}.velocity"
-    row = int(np.argmax(np.abs(slope)))
-    if gain < -0.2:
-        why = f"has the opposite sign of the slope of {joint}.position; flip one of them"
-        raise SessionError(why, file=trial.file, column=column, line=row + 2)
-    # Of a joint that hardly moves, a robot's own filter may take half: what it does is quick.
-    if 1.0 / OFF < gain < OFF or (
-        OFF / DEGREES < gain < DEGREES / OFF and np.ptp(position) < TRAVEL
-    ):
-        return
-    if 1.0 / OFF < max(gain, 1.0 / gain) / DEGREES < OFF:
-        unit = "the velocity" if gain > 1 else "the position"
-        column = column if gain > 1 else f"{joint}.position"
-        why = (
-            f"is {gain:.3g} times the slope of {joint}.position: {unit} looks like degrees; "
-            "both are in radians"
-        )
-    else:
-        why = (
-            f"is {gain:.3g} times the slope of {joint}.position: if both are in one unit, samples "
-            f"are {1.0 / rate / gain:.3g} s apart and not {1.0 / rate:.3g} s; look at the clock"
-        )
-    raise SessionError(why, file=trial.file, column=column, line=row + 2)
 
 
 def in_motion(recording: Recording, joint: int) -> np.ndarray:

@@ -137,6 +137,38 @@ def test_a_fast_motor_is_read_as_soon_as_its_range_is_declared(folder: Folder) -
     assert load_session(folder.write()).top_speed[0] > 100.0
 
 
+def test_a_fast_motor_is_read_where_its_velocity_agrees(folder: Folder) -> None:
+    """A stranger's gearless motor, in rad beside rad/s, was refused as one in degrees."""
+    fast_motor(folder, declared=False)
+    velocity = 135.0 * np.cos(27.0 * folder.table[:, 0])
+    folder.header = "time,shaft.position,shaft.velocity,shaft.effort"
+    folder.table = np.insert(folder.table, 2, velocity, axis=1)
+    (trial,) = load_session(folder.write()).session.trials
+    assert any("its velocity agrees: if both are in degrees" in said for said in trial.repairs)
+    folder.table[:, 1] = np.degrees(folder.table[:, 1])
+    assert "degrees" in str(refusal(folder))
+
+
+@pytest.mark.parametrize(("scale", "read"), [(2 * np.pi, True), (1.0, False)])
+def test_a_fast_motor_is_read_where_its_column_says_the_unit(
+    folder: Folder, scale: float, read: bool
+) -> None:
+    fast_motor(folder, declared=False)
+    folder.header = "t [s],angle [rev],torque [Nm]"
+    folder.table[:, 1] /= scale if read else 1.0
+    folder.session["columns"] = {
+        "map": {
+            "time": {"from": "t [s]"},
+            "shaft.position": {"from": "angle [rev]", "scale": scale},
+            "shaft.effort": {"from": "torque [Nm]"},
+        }
+    }
+    if read:
+        assert load_session(folder.write()).top_speed[0] > 100.0
+    else:
+        assert "degrees" in str(refusal(folder))
+
+
 def test_a_damaged_cell_of_a_fast_motor_is_still_found(folder: Folder) -> None:
     fast_motor(folder, declared=True)
     folder.table[500, 1] += 3.0

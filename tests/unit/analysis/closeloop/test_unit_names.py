@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.closeloop.logs.units import split_unit
+from analysis.closeloop.unit_names import split_unit
 
 
 @pytest.mark.parametrize(
