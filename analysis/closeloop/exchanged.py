@@ -6,7 +6,6 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import nnls
 
-from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.signals import rms
@@ -62,7 +61,7 @@ def check_exchanged(trial: Trial, device: Device, limb_joints: Collection[str]) 
             f"the declared model leaves {exchanged:.0%} of the efforts' variance the other way "
             f"round, as recorded {recorded:.0%}; exchange the columns"
         )
-        raise SessionError(why, file=trial.file, column=f"{suspects[0]}.position", line=2)
+        raise trial.fault(why, f"{suspects[0]}.position")
 
 
 def roughness(signal: np.ndarray) -> float:

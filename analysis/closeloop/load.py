@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.closeloop.errors import SessionError
 from analysis.closeloop.exchanged import check_exchanged
 from analysis.closeloop.magnitudes import SAID, are_magnitudes
 from analysis.closeloop.misdeclared import check_declared
@@ -75,4 +74,4 @@ def check_signed(trials: Sequence[Trial], device: Device) -> None:
         for name in names
     }
     if are_magnitudes(signals):
-        raise SessionError(SAID, file=trials[0].file, column=f"{names[0]}.effort", line=2)
+        raise trials[0].fault(SAID, f"{names[0]}.effort")

@@ -9,7 +9,6 @@ from itertools import combinations
 
 import numpy as np
 
-from analysis.closeloop.errors import SessionError
 from analysis.closeloop.remedies import (
     scaled,
     with_efforts_exchanged,
@@ -72,8 +71,7 @@ def check_odd_trials(recording: Recording) -> None:
         found += _exchanged(recording, tables, suspects, moved)
     if found:
         worst = min(found, key=lambda fault: fault.others_off)
-        file = recording.session.trials[worst.trial].file
-        raise SessionError(worst.why, file=file, column=worst.column, line=2)
+        raise recording.session.trials[worst.trial].fault(worst.why, worst.column)
 
 
 def _stands_out(table: np.ndarray, one: Prediction, trials: list[Prediction]) -> bool:

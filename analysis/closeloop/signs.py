@@ -115,7 +115,7 @@ def check_turned(recording: Recording) -> None:
                     f"it is what they predict of {name}, and as recorded it is not; turn the sign "
                     f"of {column}{also} there, or in the others"
                 )
-                raise SessionError(why, file=trial.file, column=f"{name}.{column}", line=2)
+                raise trial.fault(why, f"{name}.{column}")
 
 
 @dataclass(frozen=True)

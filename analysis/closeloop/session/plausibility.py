@@ -8,7 +8,6 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.signal import detrend
 from scipy.stats import median_abs_deviation, siegelslopes
 
-from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.angles import (
     MAX_SPEED,
     MAX_SPEED_SHARE,
@@ -64,8 +63,9 @@ def check_copies(trials: Sequence[Trial]) -> None:
             same = all(np.array_equal(trial.columns[n], earlier.columns[n]) for n in both)
             # Joints that are held may show the same in every trial.
             if same and any(np.ptp(trial.columns[n]) > 0.0 for n in both):
-                why = f"holds the same samples as {earlier.file}; list each recording once"
-                raise SessionError(why, file=trial.file)
+                other = f"{earlier.file}{earlier.part}"
+                why = f"holds the same samples as {other}; list each recording once"
+                raise trial.fault(why)
 
 
 def check_frozen(trial: Trial, device: Device) -> None:
@@ -88,8 +88,7 @@ def check_frozen(trial: Trial, device: Device) -> None:
                 f"is constant at {value:g} in {int(at.sum())} of {len(at)} samples, and jumps to "
                 "the others within one: look at the encoder; a joint that is held has no jump"
             )
-            line = int(np.argmax(steps)) + 3
-            raise SessionError(why, file=trial.file, column=f"{joint}.position", line=line)
+            raise trial.fault(why, f"{joint}.position", int(np.argmax(steps)) + 1)
 
 
 def _most_common(signal: np.ndarray) -> tuple[float, np.ndarray]:
@@ -134,7 +133,7 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
                 "is constant, as is every other position, while the motor's effort changes "
                 "throughout; look at the encoder"
             )
-            raise SessionError(why, file=trial.file, column=f"{joint}.position", line=2)
+            raise trial.fault(why, f"{joint}.position")
     for joint in moving:
         effort = trial.columns.get(f"{joint}.effort")
         if effort is None:
@@ -149,7 +148,7 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
                 why += (
                     ", or leave the column out if it has no motor: its motion is read all the same"
                 )
-            raise SessionError(why, file=trial.file, column=column, line=int(np.argmax(at)) + 2)
+            raise trial.fault(why, column, int(np.argmax(at)))
     return trial if moving else replace(trial, repairs=(*trial.repairs, STILL))
 
 
@@ -180,7 +179,7 @@ def check_saturated(trials: Sequence[Trial], device: Device) -> None:
                 f"is saturated: it stays at {value:g} while {joint} moves; "
                 "repeat the trial below the motor's limit"
             )
-            raise SessionError(why, file=trial.file, column=column, line=line)
+            raise trial.fault(why, column, line - 2)
 
 
 def check_torque(trial: Trial, device: Device, limb_joints: Collection[str]) -> None:
@@ -200,7 +199,7 @@ def check_torque(trial: Trial, device: Device, limb_joints: Collection[str]) -> 
                 f"reaches {effort[row]:g} Nm, and no joint of a limb bears more than "
                 f"{MOST_TORQUE:g}; efforts are in Nm: is its unit mNm?"
             )
-            raise SessionError(why, file=trial.file, column=f"{joint}.effort", line=row + 2)
+            raise trial.fault(why, f"{joint}.effort", row)
 
 
 def works(effort: np.ndarray, time: np.ndarray) -> bool:
@@ -231,7 +230,7 @@ def _check_wraps(trial: Trial, joint: str, position: np.ndarray) -> None:
             "one sample to the next: the encoder wraps; let the angle go on beyond it without the "
             "jump, as numpy.unwrap does"
         )
-        raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
+        raise trial.fault(why, f"{joint}.position", row)
 
 
 def _check_jumps(trial: Trial, joint: str, position: np.ndarray) -> None:
@@ -253,7 +252,7 @@ def _check_jumps(trial: Trial, joint: str, position: np.ndarray) -> None:
             f"next, at {abs(speed[row - 1]):.3g} rad/s, which it does nowhere else; remove the "
             "damaged rows (a gap is allowed)"
         )
-        raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
+        raise trial.fault(why, f"{joint}.position", row)
 
 
 def _beyond_range(trial: Trial, device: Device, joint: str, position: np.ndarray) -> str:
@@ -275,7 +274,7 @@ def _beyond_range(trial: Trial, device: Device, joint: str, position: np.ndarray
             f"{where}; mend the range (angles of MJCF are in degrees unless its compiler has "
             'angle="radian"), or the zero or sign of the column'
         )
-        raise SessionError(why, file=trial.file, column=f"{joint}.position", line=row + 2)
+        raise trial.fault(why, f"{joint}.position", row)
     return f"{share:.1%} of {joint}.position is outside of {where}" if share > 0.0 else ""
 
 
@@ -297,7 +296,7 @@ def _check_stuck(trial: Trial, joint: str, position: np.ndarray, velocity: np.nd
                 f"stays at {position[start]:g} for {end - start} samples while {joint}.velocity "
                 "says that the joint moves; look at the encoder"
             )
-            raise SessionError(why, file=trial.file, column=f"{joint}.position", line=start + 2)
+            raise trial.fault(why, f"{joint}.position", start)
 
 
 def in_motion(recording: Recording, joint: int) -> np.ndarray:

@@ -79,11 +79,17 @@ def read_trial(
     table, lines = table[once], lines[once]
     _check_time(table[:, names.index(TIME)], lines, trial.file)
     if len(table) < MIN_SAMPLES:
-        why = f"has {len(table)} samples{_between(trial)}; at least {MIN_SAMPLES} are needed"
+        why = f"has {len(table)} samples{trial.part}; at least {MIN_SAMPLES} are needed"
         end = len(table) + 1 if trial.span == WHOLE else None
         raise SessionError(why, file=trial.file, line=end)
     columns = {name: table[:, i] for i, name in enumerate(names) if name != TIME}
-    return replace(trial, time=table[:, names.index(TIME)], columns=columns, repairs=tuple(repairs))
+    return replace(
+        trial,
+        time=table[:, names.index(TIME)],
+        columns=columns,
+        lines=lines,
+        repairs=tuple(repairs),
+    )
 
 
 def _beyond(trial: Trial, clock: np.ndarray) -> list[str]:
@@ -97,12 +103,6 @@ def _beyond(trial: Trial, clock: np.ndarray) -> list[str]:
     if high - last > SURPLUS and np.isfinite(high):
         said.append(f"to is {high:g} s, and the file ends at {last:g} s: is it meant?")
     return said
-
-
-def _between(trial: Trial) -> str:
-    """Return what part of its file a trial is, for an error."""
-    low, high = trial.span
-    return "" if trial.span == WHOLE else f" from {low:g} to {high:g} s"
 
 
 def _own_table(

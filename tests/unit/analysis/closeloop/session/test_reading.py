@@ -471,3 +471,18 @@ def test_a_movement_that_goes_a_little_beyond_its_declared_range_is_a_warning(
     )
     (trial,) = load_session(folder.write()).session.trials
     assert any("of elbow.position is outside of the range" in line for line in trial.repairs)
+
+
+def test_a_fault_is_said_of_its_trial_among_several_of_one_file(folder: Folder) -> None:
+    """A stranger cut five trials of one file, and read of its line 2 in whichever it was."""
+    time = folder.table[:, 0]
+    middle = float(time[len(time) // 2])
+    first = int(np.argmax(time >= middle))
+    folder.table[first:, 4] = 0.0
+    folder.session["trials"] = [
+        {"file": "a.csv", "to": middle - 0.01},
+        {"file": "a.csv", "from": middle},
+    ]
+    error = refusal(folder)
+    assert error.column == folder.header.split(",")[4] and error.line == first + 2
+    assert f"in the trial from {middle:g} s: is constant at 0" in str(error)
