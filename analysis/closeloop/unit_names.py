@@ -21,6 +21,7 @@ class Unit:
     tells: bool = True
 
 
+HERTZ = "Hz"
 UNITS: Mapping[str, Unit] = {
     "rad": Unit("position", 1.0),
     "deg": Unit("position", pi / 180),
@@ -34,6 +35,8 @@ UNITS: Mapping[str, Unit] = {
     "deg/s": Unit("velocity", pi / 180),
     "rpm": Unit("velocity", pi / 30),
     "turns/s": Unit("velocity", 2 * pi, tells=False),
+    # Turns a second, of what is called a velocity; else a rate of anything.
+    HERTZ: Unit("velocity", 2 * pi, tells=False),
     "m/s": Unit("velocity", 1.0, tells=False),
     "mm/s": Unit("velocity", 1e-3, tells=False),
     "rad/s2": Unit("acceleration", 1.0),
@@ -60,6 +63,11 @@ UNITS: Mapping[str, Unit] = {
     "us": Unit("time", 1e-6, tells=False),
     "ns": Unit("time", 1e-9, tells=False),
 }
+#: Units, in lower case, that no signal of a joint is made SI from, but that are no joint's name.
+OTHERS = (
+    *("count", "counts", "inc", "incs", "increments", "tick", "ticks", "steps", "pulses", "lsb"),
+    *("raw", "%", "kg", "degc", "°c"),
+)
 #: What stands between the two units of a torque.
 _MARK = "[- _.·⋅*]?"
 #: Other spellings of their parts, in lower case; those of a longer word come first.
@@ -127,3 +135,16 @@ def split_unit(name: str) -> tuple[str, str | None, bool]:
             sure = len(found[1]) > 1 or not found[1].isascii()
             return f"{name[: found.start()]}{column}", unit, sure
     return f"{name}{column}", None, False
+
+
+def split_other_unit(name: str) -> tuple[str, str | None]:
+    """Return a name without a unit in brackets of which `UNITS` has none, and that unit.
+
+    As `Nm/A`, or `counts`; what else stands in brackets may name a joint.
+    """
+    for found in reversed([*_BRACKETS.finditer(name)]):
+        parts = [part.strip() for part in found[1].split("/")]
+        known = [unit_of(part) or part.lower() in OTHERS for part in parts]
+        if all(known) and unit_of(found[1]) is None:
+            return f"{name[: found.start()]} {name[found.end() :]}", found[1]
+    return name, None

@@ -49,7 +49,12 @@ def inspect(
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.logs.assignment import AS_SAID, assigned, of_factors
     from analysis.closeloop.logs.draft import of_currents, of_magnitudes, write_session
-    from analysis.closeloop.logs.inspection import believe, of_no_joint, of_rates
+    from analysis.closeloop.logs.inspection import (
+        believe,
+        of_hertz,
+        of_no_joint,
+        of_rates,
+    )
     from analysis.closeloop.logs.joints import (
         joints_in,
         of_only_joint,
@@ -71,7 +76,7 @@ def inspect(
             left += of_currents(beliefs, joints)
             left += of_other_joints([joints[number] for number in there], known)
             left += of_parted_joints(beliefs, joints) + of_magnitudes(beliefs)
-            left += of_variants(beliefs) + of_no_joint(beliefs)
+            left += of_variants(beliefs) + of_no_joint(beliefs) + of_hertz(beliefs)
             left += of_factors(believed, said or ())
             if not any(b.why == AS_SAID and b.joint is not None for b in beliefs):
                 left += of_only_joint(beliefs, known) + of_order(beliefs, known)

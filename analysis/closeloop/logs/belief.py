@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from analysis.closeloop.logs.log import Channel
-from analysis.closeloop.unit_names import UNITS, split_unit
+from analysis.closeloop.unit_names import HERTZ, UNITS, split_other_unit, split_unit
 
 #: Words that name a quantity.
 WORDS: Mapping[str, tuple[str, ...]] = {
@@ -47,6 +47,8 @@ BETWEEN = ("joint", "joints", "robot", "arm", *TOOLS, "cartesian")
 ERRORS = ("error", "errors", "err", "deviation", "deviations")
 #: The same where it stands in a channel's own name, and not in that of its topic or group.
 OWN_ERRORS = ("tracking",)
+#: Words after a quantity for what it is times something else.
+CONSTANTS = ("constant", "gain", "gains", "coefficient")
 #: Words of a channel that was wanted and not measured.
 WANTED = (
     *("ref", "reference", "des", "desired", "target", "setpoint", "goal"),
@@ -70,6 +72,7 @@ SIGNALS = (*CHAIN, "effort")
 BY_NAME, BY_UNIT = "by its name", "by its unit"
 #: Why a channel is of none.
 OF_A_TOOL = "of a tool, not of a joint"
+A_CONSTANT = "a constant of a motor or a controller, not a signal of a joint"
 AN_ERROR = "what a controller has left to do, not what was measured"
 
 
@@ -139,6 +142,11 @@ def _of_joint(word: str) -> str:
     return next((rest for rest in left if rest in LONG_WORDS), word)
 
 
+def _is_constant(words: Sequence[str], quantity: str) -> bool:
+    """Whether words name a constant, as `torque constant` does, and not `constant torque`."""
+    return any(word in WORDS[quantity] and after in CONSTANTS for word, after in pairwise(words))
+
+
 def by_name(channel: Channel) -> Belief:
     """Return what the words and the unit of a channel's name say, the unit before a word."""
     words = words_of(channel.name)
@@ -203,6 +211,7 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
     whole = SUFFIX.sub("", channel.name)
     name = JOINT_STATES.sub("", whole)
     rest, unit, sure = split_unit(name)
+    rest, other = split_other_unit(rest) if unit is None else (rest, None)
     words = words_of(rest)
     named = next((q for q, names in WORDS.items() if any(w in names for w in words)), None)
     of_unit = UNITS[unit].quantity if unit else ""
@@ -211,7 +220,7 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
     sloppy = of_unit == "position" and named in CHAIN
     if unit and named and named != of_unit and not sloppy:
         if sure:
-            named, why = (of_unit if of_unit != "time" else ""), BY_UNIT
+            named, why = ("" if of_unit == "time" or unit == HERTZ else of_unit), BY_UNIT
         else:
             rest, unit = name, None
     elif unit and not named and sure and UNITS[unit].tells:
@@ -220,6 +229,8 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
         return "unknown", channel.unit or unit or "?", "", OF_A_TOOL
     if named not in ("", None, "time") and _is_error(name):
         return "unknown", channel.unit or unit or "?", "", AN_ERROR
+    if named and ((other and "/" in other) or _is_constant(words, named)):
+        return "unknown", other or unit or "?", "", A_CONSTANT
     if not named:
         return "unknown", channel.unit or unit or "?", "", ""
     spare = {*WORDS[named], *WANTED, *SPARE}

@@ -27,7 +27,8 @@ from analysis.closeloop.logs.joints import as_positions, numbered_as_positions
 from analysis.closeloop.logs.log import Log, Numbers
 from analysis.closeloop.logs.tools import without_tools
 from analysis.closeloop.logs.variants import without_dead, without_forms
-from analysis.closeloop.unit_names import UNITS
+from analysis.closeloop.unit_names import HERTZ, UNITS
+from intake.xml import listed
 
 #: More than that of an angle in rad is two turns either way; a joint seldom does it.
 TURNS = 4 * pi
@@ -95,6 +96,17 @@ def of_rates(log: Log, beliefs: Sequence[Belief]) -> list[str]:
     return [
         f"no channel is a clock; velocities over the differences of positions say "
         f"{', '.join(f'{rate:.4g} Hz' for rate in rates)}: if that is wrong, give --rate"
+    ]
+
+
+def of_hertz(beliefs: Sequence[Belief]) -> list[str]:
+    """Say what is done with velocities in Hz."""
+    names = [b.channel.name for b in beliefs if b.quantity == "velocity" and b.unit == HERTZ]
+    if not names:
+        return []
+    return [
+        f"{listed(names)} {'is' if len(names) == 1 else 'are'} taken for turns a second, and made "
+        "rad/s by 2 pi: for another factor say --as 'CHANNEL=JOINT.velocity*FACTOR_TO_SI'"
     ]
 
 

@@ -8,7 +8,7 @@ import pytest
 from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.clock import clock_of
-from analysis.closeloop.logs.inspection import believe, of_rates
+from analysis.closeloop.logs.inspection import believe, of_hertz, of_rates
 from analysis.closeloop.logs.joints import joint_names
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.reading import read_log
@@ -325,6 +325,38 @@ def test_a_cartesian_controller_has_joints() -> None:
     m = motion(joints=1)
     name = "/cartesian_controller/state.position[0]"
     assert believed(time=m["time"], **{name: m["position"][:, 0]})[name].quantity == "position"
+
+
+def test_a_velocity_in_hertz_is_of_its_joint_in_turns_a_second() -> None:
+    m = motion(joints=1)
+    q, v = m["position"][:, 0], m["velocity"][:, 0]
+    turns = {"c1 position [rev]": q / (2 * np.pi), "c1 vel [Hz]": v / (2 * np.pi)}
+    found = believed(time=m["time"], **turns, **{"c1 torque [Nm]": np.sin(3 * v)})
+    velocity = found["c1 vel [Hz]"]
+    assert (velocity.quantity, velocity.joint, velocity.stem) == ("velocity", 0, "c_1")
+    assert velocity.scale == pytest.approx(2 * np.pi)
+    assert "by 2 pi" in of_hertz([*found.values()])[0]
+    assert believed(time=m["time"], **{"torque rate [Hz]": q})["torque rate [Hz]"].joint is None
+
+
+def test_units_of_no_signal_are_no_part_of_a_joints_name() -> None:
+    m = motion(joints=1)
+    counts = {"elbow pos [counts]": m["position"][:, 0], "q (left)": m["velocity"][:, 0]}
+    found = believed(time=m["time"], **counts)
+    assert [b.stem for b in found.values()] == ["", "elbow", "left"]
+
+
+@pytest.mark.parametrize("name", ["observed torque constant [Nm/A]", "torque_gain", "v (rad/s/V)"])
+def test_a_constant_is_no_signal_of_a_joint(name: str) -> None:
+    m = motion(joints=1)
+    found = believed(time=m["time"], elbow_pos=m["position"][:, 0], **{name: m["time"] ** 2})
+    assert found[name].quantity == "unknown" and "a constant" in found[name].why
+
+
+def test_a_constant_torque_is_a_torque() -> None:
+    m = motion(joints=1)
+    found = believed(time=m["time"], constant_torque=m["position"][:, 0])
+    assert found["constant_torque"].joint == 0
 
 
 def clockless(path: Path, *, twist: float = 1.0) -> Path:
