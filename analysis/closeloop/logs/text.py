@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.logs.labels import without_labels
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.trials import join_trials
 from analysis.closeloop.unit_names import unit_of
@@ -51,6 +52,9 @@ def read(path: Path) -> Log:
     lines, comments = _without_comments(lines, log)
     if len(lines) < 2:
         raise SessionError("has fewer than two lines", file=path.name)
+    lines, others = without_labels(lines)
+    if others:
+        log.remarks.append(f"{others} lines have other labels than most and were left out")
     split = _splitting(lines)
     try:
         rows = split(lines)

@@ -329,3 +329,23 @@ def test_text_that_only_looks_like_an_array_is_none(tmp_path: Path) -> None:
     log = read_log(tmp_path / "log.csv")
     assert [channel.name for channel in log.channels] == ["t", "q"]
     assert log.remarks == ["state holds no numbers, but '[run, 0]', and was left out"]
+
+
+@pytest.mark.parametrize(
+    "form", ["Time: {} Position: {} Current: {}", "Time={}, Position={}, Current={};"]
+)
+def test_labels_before_numbers_are_the_names_of_columns(tmp_path: Path, form: str) -> None:
+    lines = [form.format(5000 + 3 * n, 500 - n, -0.5 * n) for n in range(80)]
+    cut = ["sition: 12 Current: 3", *lines, lines[0][:20]]
+    (tmp_path / "log.txt").write_text("\n".join(cut))
+    log = read_log(tmp_path / "log.txt")
+    assert [channel.name for channel in log.channels] == ["Time", "Position", "Current"]
+    assert [len(channel.values) for channel in log.channels] == [80] * 3
+    assert [channel.values[2] for channel in log.channels] == [5006.0, 498.0, -1.0]
+    assert log.remarks == ["2 lines have other labels than most and were left out"]
+
+
+def test_stamps_with_colons_are_no_labels(tmp_path: Path) -> None:
+    lines = [f"12:00:{n % 60:02d}, {n}, {n * n}" for n in range(60)]
+    (tmp_path / "log.txt").write_text("\n".join(["t,a,b", *lines]))
+    assert [c.name for c in read_log(tmp_path / "log.txt").channels] == ["t", "a", "b"]
