@@ -20,7 +20,8 @@ def inspect(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="CSV, .mat, HDF5, .bag, .mcap, .db3, or the folder of a ROS 2 bag."
+            metavar="FILE",
+            help="CSV, .mat, .npz, HDF5, .bag, .mcap, .db3, or the folder of a ROS 2 bag.",
         ),
     ],
     said: Annotated[

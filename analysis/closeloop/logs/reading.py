@@ -4,13 +4,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.logs import hdf5, matlab, ros, text
+from analysis.closeloop.logs import hdf5, matlab, numpy_archive, ros, text
 from analysis.closeloop.logs.log import Log
 
 #: What reads a file, by its ending.
 READERS: Mapping[str, Callable[[Path], Log]] = {
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".log", ".asc", ".sto", ".mot"), text.read),
     ".mat": matlab.read,
+    ".npz": numpy_archive.read,
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read),
     **dict.fromkeys((".bag", ".mcap", ".db3"), ros.read),
 }

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.logs import ros
+from analysis.closeloop.logs import numpy_archive, ros
 from analysis.closeloop.logs.reading import read_log
 
 N = 120
@@ -349,3 +349,27 @@ def test_stamps_with_colons_are_no_labels(tmp_path: Path) -> None:
     lines = [f"12:00:{n % 60:02d}, {n}, {n * n}" for n in range(60)]
     (tmp_path / "log.txt").write_text("\n".join(["t,a,b", *lines]))
     assert [c.name for c in read_log(tmp_path / "log.txt").channels] == ["t", "a", "b"]
+
+
+def test_arrays_of_an_archive_are_channels_and_objects_are_never_run(tmp_path: Path) -> None:
+    time = 0.01 * np.arange(90)
+    joint = np.column_stack([np.sin(time), np.cos(time)])
+    anything = np.array([{"a": 1}, None], dtype=object)
+    np.savez(tmp_path / "log.npz", time=time, joint=joint, notes=anything)
+    log = read_log(tmp_path / "log.npz")
+    assert log.kind == "NumPy"
+    assert [channel.name for channel in log.channels] == ["time", "joint[0]", "joint[1]"]
+    assert np.array_equal(log.channels[2].values, joint[:, 1])
+    assert log.remarks == ["notes holds no numbers, but objects, and was left out"]
+
+
+def test_an_archive_that_unpacks_to_more_than_a_log_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    np.savez_compressed(tmp_path / "log.npz", zeros=np.zeros(4000))
+    monkeypatch.setattr(numpy_archive, "MAX_BYTES", 20_000)
+    with pytest.raises(SessionError, match="at most 20000"):
+        read_log(tmp_path / "log.npz")
+    (tmp_path / "text.npz").write_text("no archive")
+    with pytest.raises(SessionError, match="no NumPy archive"):
+        read_log(tmp_path / "text.npz")
