@@ -64,7 +64,7 @@ def inspect(
         of_parted_joints,
     )
     from analysis.closeloop.logs.reading import read_log
-    from analysis.closeloop.logs.variants import of_variants
+    from analysis.closeloop.logs.variants import of_followed, of_variants
 
     try:
         with needs_extra(file.name, "logs"), refusing(SessionError):
@@ -77,7 +77,8 @@ def inspect(
             left += of_currents(beliefs, joints)
             left += of_other_joints([joints[number] for number in there], known)
             left += of_parted_joints(beliefs, joints) + of_magnitudes(beliefs)
-            left += of_variants(beliefs) + of_no_joint(beliefs) + of_hertz(beliefs)
+            left += of_variants(beliefs) + of_followed(beliefs)
+            left += of_no_joint(beliefs) + of_hertz(beliefs)
             left += of_factors(believed, said or ())
             if not any(b.why == AS_SAID and b.joint is not None for b in beliefs):
                 left += of_only_joint(beliefs, known) + of_order(beliefs, known)

@@ -3,10 +3,11 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
-from analysis.closeloop.logs.belief import SIGNALS, Belief
+from analysis.closeloop.logs.belief import BY_NAME, SIGNALS, Belief
 from intake.xml import listed
 
 #: Words for what was made of a signal; of its forms the rawest is taken, for the delay of a filter
@@ -21,6 +22,9 @@ ALIKE = 0.9
 #: Share of what a joint's channel is beside another's at the other joints, below which it feels
 #: nothing. (Set while looking at the Kinova that it mends, whose last joint has 0.005.)
 DEAD, FEWEST = 0.02, 3
+#: Root mean square, over the range, of the difference of two positions of which one is wanted of
+#: the other's joint; set beside a UR5's log that has none of their names, with 0.004.
+FOLLOWS = 0.02
 #: Motion of a joint that has to be felt, rad or m.
 MOVES = 0.1
 #: How the reasons begin.
@@ -105,6 +109,27 @@ def _dead(
     shares = [_range(beliefs[own[n]]) / max(_range(beliefs[other[n]]), 1e-300) for n in joints]
     least = int(np.argmin(shares))
     return joints[least] if shares[least] < DEAD * float(np.median(shares)) else None
+
+
+def of_followed(beliefs: Sequence[Belief]) -> list[str]:
+    """Say which positions without a name go as those of another joint do: one may be wanted.
+
+    Their numbers cannot tell which.
+    """
+    said = []
+    own = [b for b in beliefs if b.quantity == "position" and not b.wanted and b.why != BY_NAME]
+    for one, other in combinations([b for b in own if _range(b) > MOVES], 2):
+        if one.joint == other.joint or len(one.channel.values) != len(other.channel.values):
+            continue
+        apart = one.channel.values - other.channel.values
+        apart = apart[np.isfinite(apart)]
+        if len(apart) and np.sqrt(np.mean(apart**2)) < FOLLOWS * _range(one):
+            a, b = one.channel.name, other.channel.name
+            said.append(
+                f"{b} goes as {a} does: if one of them is what was wanted of the other's joint, "
+                f"leave it and its derivatives out, as by --as '{b}=-'"
+            )
+    return said
 
 
 def _range(belief: Belief) -> float:

@@ -12,7 +12,7 @@ from analysis.closeloop.logs.inspection import believe, of_hertz, of_rates
 from analysis.closeloop.logs.joints import joint_names
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.reading import read_log
-from analysis.closeloop.logs.variants import of_variants
+from analysis.closeloop.logs.variants import of_followed, of_variants
 
 DEG = 180 / np.pi
 
@@ -562,3 +562,13 @@ def test_of_two_sets_of_efforts_the_one_that_feels_every_joint_is_taken() -> Non
 def test_two_sets_in_other_units_are_left_alone(size: float) -> None:
     found = kinova(dead=0.1, size=size)
     assert found["Torque1"].quantity == found["TorqueCur1"].quantity == "effort"
+
+
+def test_a_position_without_a_name_that_goes_as_another_does_is_said() -> None:
+    """A UR5's log without a header gave a second joint to what was wanted of the first."""
+    m = motion()
+    q, v = m["position"], m["velocity"]
+    columns = [m["time"], q[:, 0], v[:, 0], q[:, 1], v[:, 1], q[:, 0] + 0.01 * v[:, 0], v[:, 0]]
+    found = believed(**{f"column {n}": values for n, values in enumerate(columns, 1)})
+    (said,) = of_followed([*found.values()])
+    assert said.startswith("column 6 goes as column 2 does")
