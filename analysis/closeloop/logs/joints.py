@@ -168,11 +168,14 @@ def of_parted_joints(beliefs: Sequence[Belief], names: Sequence[str]) -> list[st
             having[quantity].setdefault(belief.joint, belief.channel.name)
     position, effort = having["position"], having["effort"]
     spare = [names[joint] for joint in position if joint not in effort]
+    parted = [joint for joint in effort if joint not in position]
+    if not parted or not spare:
+        return []
+    has, one = ("has", "they are") if len(parted) == 1 else ("have", "two are")
     return [
-        f"{names[joint]} has an effort and no position, {listed(spare)} no effort: if they are one "
-        f"joint, say --as '{channel}={spare[0]}.effort*FACTOR_TO_SI'"
-        for joint, channel in effort.items()
-        if joint not in position and spare
+        f"{listed(names[joint] for joint in parted)} {has} an effort and no position, "
+        f"{listed(spare)} no effort: if {one} one joint, say "
+        f"--as '{effort[parted[0]]}={spare[0]}.effort*FACTOR_TO_SI'"
     ]
 
 

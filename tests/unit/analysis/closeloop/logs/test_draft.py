@@ -296,6 +296,17 @@ def test_an_effort_and_a_position_whose_names_part_them_are_told_with_what_to_ty
     assert of_parted_joints(found, joint_names(found)) == []
 
 
+def test_efforts_of_five_joints_without_a_position_are_said_at_once() -> None:
+    time = np.arange(0.0, 4.0, 0.01)
+    arrays = {"time": time, "elbow_pos": np.sin(time)}
+    arrays |= {f"motor_{n}_torque": np.cos(n * time) for n in range(1, 6)}
+    log = Log(kind="CSV", channels=[Channel(name=n, values=v) for n, v in arrays.items()])
+    beliefs = believe(log)
+    (said,) = of_parted_joints(beliefs, joint_names(beliefs))
+    assert said.startswith("motor_1, motor_2, motor_3")
+    assert "have an effort and no position, elbow no effort: if two are one joint" in said
+
+
 def test_what_a_torque_was_made_of_is_no_joint_s_name(tmp_path: Path) -> None:
     """A stranger's torque of the ankle was that of a joint ankle_from_current, with the motor's
     angle for its position: a command without a name hid all others.
