@@ -8,6 +8,7 @@ from scipy.optimize import nnls
 
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.faults import fault
 from analysis.closeloop.session.signals import rms
 
 #: Over so long signals are averaged, twice, s: what is left of either is motion.
@@ -61,7 +62,7 @@ def check_exchanged(trial: Trial, device: Device, limb_joints: Collection[str]) 
             f"the declared model leaves {exchanged:.0%} of the efforts' variance the other way "
             f"round, as recorded {recorded:.0%}; exchange the columns"
         )
-        raise trial.fault(why, f"{suspects[0]}.position")
+        raise fault(trial, why, f"{suspects[0]}.position")
 
 
 def roughness(signal: np.ndarray) -> float:

@@ -10,6 +10,7 @@ from analysis.closeloop.misdeclared import check_declared
 from analysis.closeloop.odd_trials import check_odd_trials
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.faults import fault
 from analysis.closeloop.session.mjcf import load_device
 from analysis.closeloop.session.plausibility import (
     check_copies,
@@ -74,4 +75,4 @@ def check_signed(trials: Sequence[Trial], device: Device) -> None:
         for name in names
     }
     if are_magnitudes(signals):
-        raise trials[0].fault(SAID, f"{names[0]}.effort")
+        raise fault(trials[0], SAID, f"{names[0]}.effort")

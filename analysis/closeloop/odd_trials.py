@@ -15,6 +15,7 @@ from analysis.closeloop.remedies import (
     with_motions_exchanged,
 )
 from analysis.closeloop.session.angles import DEGREES
+from analysis.closeloop.session.faults import fault
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.signs import (
     TURNED_LEAVES,
@@ -71,7 +72,7 @@ def check_odd_trials(recording: Recording) -> None:
         found += _exchanged(recording, tables, suspects, moved)
     if found:
         worst = min(found, key=lambda fault: fault.others_off)
-        raise recording.session.trials[worst.trial].fault(worst.why, worst.column)
+        raise fault(recording.session.trials[worst.trial], worst.why, worst.column)
 
 
 def _stands_out(table: np.ndarray, one: Prediction, trials: list[Prediction]) -> bool:

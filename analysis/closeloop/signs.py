@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.remedies import scaled
+from analysis.closeloop.session.faults import fault
 from analysis.closeloop.session.plausibility import LEAST_MOTION, in_motion, unknown_columns
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import AWAY, MOVING, TRAVEL
@@ -115,7 +116,7 @@ def check_turned(recording: Recording) -> None:
                     f"it is what they predict of {name}, and as recorded it is not; turn the sign "
                     f"of {column}{also} there, or in the others"
                 )
-                raise trial.fault(why, f"{name}.{column}")
+                raise fault(trial, why, f"{name}.{column}")
 
 
 @dataclass(frozen=True)

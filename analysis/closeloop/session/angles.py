@@ -5,6 +5,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import MAX_HINGE, Device
+from analysis.closeloop.session.faults import fault
 from analysis.closeloop.session.runs import MOVING, TRAVEL
 from analysis.closeloop.unit_names import UNITS, split_unit
 
@@ -71,7 +72,7 @@ def check_degrees(
         f"reaches {values[row]:g} {unit}, which {what}; "
         f"positions are in radians, and these look like degrees{otherwise}"
     )
-    raise trial.fault(why, f"{joint}.position", row)
+    raise fault(trial, why, f"{joint}.position", row)
 
 
 def _says_its_unit(trial: Trial, column: str) -> bool:
@@ -130,7 +131,7 @@ def check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np.
     row = int(np.argmax(np.abs(_slow_slope(trial, position))))
     if gain < -0.2:
         why = f"has the opposite sign of the slope of {joint}.position; flip one of them"
-        raise trial.fault(why, column, row)
+        raise fault(trial, why, column, row)
     # Of a joint that hardly moves, a robot's own filter may take half: what it does is quick.
     if 1.0 / OFF < gain < OFF or (
         OFF / DEGREES < gain < DEGREES / OFF and np.ptp(position) < TRAVEL
@@ -148,4 +149,4 @@ def check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np.
             f"is {gain:.3g} times the slope of {joint}.position: if both are in one unit, samples "
             f"are {step / gain:.3g} s apart and not {step:.3g} s; look at the clock"
         )
-    raise trial.fault(why, column, row)
+    raise fault(trial, why, column, row)

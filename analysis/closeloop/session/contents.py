@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.closeloop.errors import SessionError
-
 if TYPE_CHECKING:
     import mujoco
 
@@ -111,19 +109,6 @@ class Trial:
         low, high = self.span
         begin = f" from {low:g} s" if low > -inf else ""
         return begin + (f" to {high:g} s" if high < inf else "")
-
-    def fault(self, why: str, column: str | None = None, row: int = 0) -> SessionError:
-        """Return what is wrong at a sample, by its line in the file; one may hold several trials.
-
-        Args:
-            why: of the column, as in "is constant".
-            column: None if it is all of them.
-            row: of the trial's samples, from 0.
-        """
-        line = int(self.lines[row]) if len(self.lines) else row + 2
-        whose = f"in the trial{self.part}: " if self.part else ""
-        told = None if column is None else line
-        return SessionError(f"{whose}{why}", file=self.file, column=column, line=told)
 
 
 @dataclass(frozen=True, kw_only=True)

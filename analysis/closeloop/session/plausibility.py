@@ -16,6 +16,7 @@ from analysis.closeloop.session.angles import (
 )
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import Device
+from analysis.closeloop.session.faults import fault
 from analysis.closeloop.session.missing import GAP_STEPS
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import MOVING, TRAVEL, saturated_line
@@ -65,7 +66,7 @@ def check_copies(trials: Sequence[Trial]) -> None:
             if same and any(np.ptp(trial.columns[n]) > 0.0 for n in both):
                 other = f"{earlier.file}{earlier.part}"
                 why = f"holds the same samples as {other}; list each recording once"
-                raise trial.fault(why)
+                raise fault(trial, why)
 
 
 def check_frozen(trial: Trial, device: Device) -> None:
@@ -88,7 +89,7 @@ def check_frozen(trial: Trial, device: Device) -> None:
                 f"is constant at {value:g} in {int(at.sum())} of {len(at)} samples, and jumps to "
                 "the others within one: look at the encoder; a joint that is held has no jump"
             )
-            raise trial.fault(why, f"{joint}.position", int(np.argmax(steps)) + 1)
+            raise fault(trial, why, f"{joint}.position", int(np.argmax(steps)) + 1)
 
 
 def _most_common(signal: np.ndarray) -> tuple[float, np.ndarray]:
@@ -133,7 +134,7 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
                 "is constant, as is every other position, while the motor's effort changes "
                 "throughout; look at the encoder"
             )
-            raise trial.fault(why, f"{joint}.position")
+            raise fault(trial, why, f"{joint}.position")
     for joint in moving:
         effort = trial.columns.get(f"{joint}.effort")
         if effort is None:
@@ -148,7 +149,7 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
                 why += (
                     ", or leave the column out if it has no motor: its motion is read all the same"
                 )
-            raise trial.fault(why, column, int(np.argmax(at)))
+            raise fault(trial, why, column, int(np.argmax(at)))
     return trial if moving else replace(trial, repairs=(*trial.repairs, STILL))
 
 
@@ -179,7 +180,7 @@ def check_saturated(trials: Sequence[Trial], device: Device) -> None:
                 f"is saturated: it stays at {value:g} while {joint} moves; "
                 "repeat the trial below the motor's limit"
             )
-            raise trial.fault(why, column, line - 2)
+            raise fault(trial, why, column, line - 2)
 
 
 def check_torque(trial: Trial, device: Device, limb_joints: Collection[str]) -> None:
@@ -199,7 +200,7 @@ def check_torque(trial: Trial, device: Device, limb_joints: Collection[str]) -> 
                 f"reaches {effort[row]:g} Nm, and no joint of a limb bears more than "
                 f"{MOST_TORQUE:g}; efforts are in Nm: is its unit mNm?"
             )
-            raise trial.fault(why, f"{joint}.effort", row)
+            raise fault(trial, why, f"{joint}.effort", row)
 
 
 def works(effort: np.ndarray, time: np.ndarray) -> bool:
@@ -230,7 +231,7 @@ def _check_wraps(trial: Trial, joint: str, position: np.ndarray) -> None:
             "one sample to the next: the encoder wraps; let the angle go on beyond it without the "
             "jump, as numpy.unwrap does"
         )
-        raise trial.fault(why, f"{joint}.position", row)
+        raise fault(trial, why, f"{joint}.position", row)
 
 
 def _check_jumps(trial: Trial, joint: str, position: np.ndarray) -> None:
@@ -252,7 +253,7 @@ def _check_jumps(trial: Trial, joint: str, position: np.ndarray) -> None:
             f"next, at {abs(speed[row - 1]):.3g} rad/s, which it does nowhere else; remove the "
             "damaged rows (a gap is allowed)"
         )
-        raise trial.fault(why, f"{joint}.position", row)
+        raise fault(trial, why, f"{joint}.position", row)
 
 
 def _beyond_range(trial: Trial, device: Device, joint: str, position: np.ndarray) -> str:
@@ -274,7 +275,7 @@ def _beyond_range(trial: Trial, device: Device, joint: str, position: np.ndarray
             f"{where}; mend the range (angles of MJCF are in degrees unless its compiler has "
             'angle="radian"), or the zero or sign of the column'
         )
-        raise trial.fault(why, f"{joint}.position", row)
+        raise fault(trial, why, f"{joint}.position", row)
     return f"{share:.1%} of {joint}.position is outside of {where}" if share > 0.0 else ""
 
 
@@ -296,7 +297,7 @@ def _check_stuck(trial: Trial, joint: str, position: np.ndarray, velocity: np.nd
                 f"stays at {position[start]:g} for {end - start} samples while {joint}.velocity "
                 "says that the joint moves; look at the encoder"
             )
-            raise trial.fault(why, f"{joint}.position", start)
+            raise fault(trial, why, f"{joint}.position", start)
 
 
 def in_motion(recording: Recording, joint: int) -> np.ndarray:
