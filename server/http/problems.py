@@ -32,6 +32,9 @@ log = logging.getLogger(__name__)
 #: After so many seconds to ask again while the database is away.
 AGAIN = {"Retry-After": "2"}
 
+#: Faults of one request that are told.
+MOST_TOLD = 100
+
 _STATUS: Mapping[type[CoordinatorError], HTTPStatus] = {
     NotFoundError: HTTPStatus.NOT_FOUND,
     ConflictError: HTTPStatus.CONFLICT,
@@ -98,7 +101,9 @@ def install(app: FastAPI) -> None:
             said = f"'s Content-Type is {kind}" if kind else " has no Content-Type"
             why = f"the request{said}: send application/json"
             return problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, why)
-        return _not_taken(_faults(error.errors(), body_of_route(request.scope.get("route"))))
+        found = error.errors()
+        told = _faults(found[:MOST_TOLD], body_of_route(request.scope.get("route")))
+        return _not_taken(told, more=len(found) - MOST_TOLD)
 
     @app.exception_handler(HTTPException)
     def http(request: Request, error: HTTPException) -> JSONResponse:
@@ -151,7 +156,7 @@ def unless_away(error: Exception) -> JSONResponse:
     )
 
 
-def _not_taken(errors: Sequence[Mapping[str, str]]) -> JSONResponse:
+def _not_taken(errors: Sequence[Mapping[str, str]], more: int = 0) -> JSONResponse:
     if len(errors) == 1:
         # As of InvalidStudyError: what is at one place is told in one way, whoever found it.
         (one,) = errors
@@ -160,7 +165,8 @@ def _not_taken(errors: Sequence[Mapping[str, str]]) -> JSONResponse:
         )
     return problem(
         HTTPStatus.UNPROCESSABLE_ENTITY,
-        "the request is not what this route takes",
+        "the request is not what this route takes"
+        + (f": the first {MOST_TOLD} faults, and there are {more} more" if more > 0 else ""),
         members={"errors": errors},
     )
 

@@ -1,5 +1,6 @@
 """What a request for a study is refused for, besides what makes it no study."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,6 +10,57 @@ from server.records import Plan
 
 #: How keys begin that say how factors depend on each other.
 _DEPENDENCE = ("correlat", "covarian", "copula", "depend", "joint")
+
+#: Values of a discrete distribution: every lease and every answer about the study has them all.
+MOST_VALUES = 1000
+#: Entries of any other list or object of a request, and of all of them together.
+MOST_ENTRIES, MOST_IN_ALL = 10_000, 100_000
+_OF_DISTRIBUTION = re.compile(r"/factors/\d+/distribution/[^/]*")
+
+
+def refuse_too_much(body: Any) -> None:
+    """Refuse a request, as JSON, with more in it than a study has, before any of it is looked at.
+
+    To tell of every fault of millions of entries would take minutes.
+
+    Raises:
+        InvalidStudyError: with a pointer to the first list or object that is too long.
+    """
+    left, places = MOST_IN_ALL, [("", body)] if _holds(body) else []
+    while places:
+        pointer, place = places.pop()
+        _refuse_long(pointer, place)
+        left -= len(place)
+        if left < 0:
+            raise InvalidStudyError(
+                "", f"a study may have {MOST_IN_ALL} entries at most, in all of its lists together"
+            )
+        inside = place.items() if isinstance(place, Mapping) else enumerate(place)
+        places += [(f"{pointer}/{_escaped(key)}", one) for key, one in inside if _holds(one)]
+
+
+def _holds(value: Any) -> bool:
+    return isinstance(value, Mapping | list)
+
+
+def _refuse_long(pointer: str, place: Any) -> None:
+    if _OF_DISTRIBUTION.fullmatch(pointer) and len(place) > MOST_VALUES:
+        raise InvalidStudyError(
+            pointer,
+            f"a discrete distribution may have {MOST_VALUES} values at most, not {len(place)}: "
+            "merge those that lie close, or give the distribution that they are drawn from",
+        )
+    if len(place) > MOST_ENTRIES:
+        raise InvalidStudyError(
+            pointer,
+            f"a list or object of a study may have {MOST_ENTRIES} entries at most, "
+            f"not {len(place)}",
+        )
+
+
+def _escaped(key: Any) -> str:
+    """Return a key as a part of a JSON pointer."""
+    return str(key).replace("~", "~0").replace("/", "~1")
 
 
 def refuse_too_few(plan: Plan) -> None:
@@ -44,9 +96,8 @@ def refuse_dependence(body: Any) -> None:
     for pointer, place in places:
         for key in map(str, place if isinstance(place, Mapping) else ()):
             if key.lower().startswith(_DEPENDENCE) and not (place is body and key in known):
-                name = key.replace("~", "~0").replace("/", "~1")
                 raise InvalidStudyError(
-                    f"{pointer}/{name}",
+                    f"{pointer}/{_escaped(key)}",
                     f"{key}: how factors depend on each other is said by the study's correlations, "
                     'as [["a", "b", 0.6]], and by its correlation_kind, rank or linear',
                 )

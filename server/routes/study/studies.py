@@ -24,7 +24,7 @@ from server.logic.study.plans import FactorChoice, draw_up, refuse_outside_range
 from server.logic.study.points import parameters
 from server.logic.study.precision_goals import precision_goal
 from server.logic.study.precision_goals import shown as goal_shown
-from server.logic.study.requests import refuse_dependence, refuse_too_few
+from server.logic.study.requests import refuse_dependence, refuse_too_few, refuse_too_much
 from server.operations import models
 from server.operations.study import precision_goals, reruns, studies
 from server.records import PrecisionGoal, Study
@@ -196,7 +196,8 @@ class StudyBody(Body):
 
     @model_validator(mode="before")
     @classmethod
-    def _independent(cls, body: Any) -> Any:
+    def _refused_as_a_whole(cls, body: Any) -> Any:
+        refuse_too_much(body)
         # Else they would only be told that the key is unknown.
         refuse_dependence(body)
         return body
