@@ -27,6 +27,7 @@ from server.logic.conditional_requests import is_known
 from server.logic.fleet.unserved import Patience
 from server.metrics import Metrics
 from server.settings import Settings
+from server.threads import in_thread
 
 
 class Body(BaseModel):
@@ -78,6 +79,8 @@ async def _read(request: Request, kind: type[Body]) -> Body:
     return parsed
 
 
+#: Bytes of a body that takes the event loop longer to read than to have a thread do it.
+LONG_BYTES = 100_000
 #: Whatever is in it.
 _OBJECT = TypeAdapter(dict[str, Any])
 
@@ -123,7 +126,12 @@ def _parsed(body: bytes, kind: type[Body]) -> Body:
 
 async def no_key_twice(request: Request) -> None:
     """Raise RequestValidationError if an object of a body has a key twice: which one was meant?"""
-    _check_keys(await request.body())
+    body = await request.body()
+    # Others are answered meanwhile; to ask a thread takes longer than to read a usual body.
+    if len(body) > LONG_BYTES:
+        await in_thread(_check_keys, body)
+    else:
+        _check_keys(body)
 
 
 def _check_keys(body: bytes) -> None:
