@@ -37,9 +37,16 @@ class Studies(Connection):
         return self._json("POST", "/v1/studies", study, headers)
 
     def studies(self) -> list[Json]:
-        """Return every study."""
-        studies: list[Json] = self._json("GET", "/v1/studies")["studies"]
-        return studies
+        """Return every study in short, oldest first: `study` tells all of one."""
+        found: list[Json] = []
+        query = ""
+        while True:
+            answer = self._json("GET", f"/v1/studies{query}")
+            found += answer["studies"]
+            # An earlier coordinator gives all at once.
+            if (after := answer.get("next")) is None:
+                return found
+            query = "?" + urlencode({"after": after})
 
     def work(self, group: str | None = None) -> Json:
         """Return {"waiting", "under_way"}: instances to hand out now, and those workers have.

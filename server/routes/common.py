@@ -8,10 +8,9 @@ from contextlib import suppress
 from http import HTTPStatus
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from fastapi import Depends, Header, Path, Request, Response
+from fastapi import Depends, Header, Path, Query, Request, Response, params
 from fastapi.dependencies.utils import get_flat_params
 from fastapi.exceptions import RequestValidationError
-from fastapi.params import Query
 from fastapi.responses import StreamingResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, StringConstraints, TypeAdapter, ValidationError
@@ -163,7 +162,7 @@ class Route(APIRoute):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         known = get_flat_params(self.dependant)
-        queries = [one for one in known if isinstance(one.field_info, Query)]
+        queries = [one for one in known if isinstance(one.field_info, params.Query)]
         self._known = [one.alias for one in queries]
         self._once = {one.alias for one in queries if not _is_list(one.field_info.annotation)}
         described = "requestBody" in (self.openapi_extra or {})
@@ -287,6 +286,8 @@ Id = Annotated[str, Path(max_length=128, pattern=PRINTABLE, examples=["3fb1c2a4d
 LeaseId = Annotated[
     str, Path(max_length=128, pattern=PRINTABLE, examples=["0f8e4ab7c5d94e2b8a1d6c3f7e9b2a10"])
 ]
+#: Entries of one page of a list.
+Limit = Annotated[int, Query(ge=1, le=1000, examples=[100])]
 #: The ETag of what a reader has seen already.
 IfNoneMatch = Annotated[str | None, Header(examples=['W/"5f2b1c9d8e7a6b5c4d3e"'])]
 #: A whole number that a database can hold.

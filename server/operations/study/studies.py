@@ -28,6 +28,7 @@ from server.store.study import instances, precision_goals, snapshots, studies
 
 get = alone_reading(studies.find)
 every = alone_reading(studies.every)
+listed = alone_reading(studies.listed)
 
 #: Workers that are looked at for why a study waits.
 MOST_ASKED = 100

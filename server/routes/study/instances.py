@@ -9,7 +9,7 @@ from server.errors import InvalidStudyError
 from server.logic.fleet.verdicts import OUTCOME
 from server.logic.study.points import instance_id, parameters, point
 from server.operations.study import instances
-from server.routes.common import MAX_INTEGER, Id, Route, Store, as_json
+from server.routes.common import MAX_INTEGER, Id, Limit, Route, Store, as_json
 
 router = APIRouter(prefix="/v1/studies/{study_id}/instances", tags=["instances"], route_class=Route)
 
@@ -26,7 +26,6 @@ After = Annotated[
     str | None,
     Query(pattern=r"^\d{1,18}:\d{1,9}$", description="`next` of the page before", examples=["7:3"]),
 ]
-Limit = Annotated[int, Query(ge=1, le=1000, examples=[100])]
 Replay = Annotated[
     bool, Query(description="Each with all that it takes to replay it.", examples=[True])
 ]

@@ -3,7 +3,7 @@
 import hashlib
 from typing import Annotated, Any, Literal, Self
 
-from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from pydantic import (
     AfterValidator,
     Field,
@@ -32,10 +32,12 @@ from server.routes.common import (
     MAX_INTEGER,
     Body,
     Id,
+    Limit,
     Name,
     Now,
     Route,
     Store,
+    as_json,
     example,
     no_key_twice,
 )
@@ -86,6 +88,14 @@ Title = Annotated[
 ]
 Tag = Annotated[Name, AfterValidator(_of_a_worker)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
+After = Annotated[
+    str | None,
+    Query(
+        pattern=r"^\d{1,18}\.\d{1,18}:[0-9a-f]{1,32}$",
+        description="`next` of the page before",
+        examples=["1767225600.0:3fb1c2a4d5e6"],
+    ),
+]
 Key = Annotated[
     str | None, Header(alias="Idempotency-Key", min_length=1, max_length=255, examples=["masses-1"])
 ]
@@ -278,11 +288,15 @@ def submit(
     return _show(store, study)
 
 
-@router.get("")
-def every(store: Store) -> dict[str, Any]:
-    """List all studies, oldest first."""
-    goals = precision_goals.every(store)
-    return {"studies": [shown(study, goals.get(study.id)) for study in studies.every(store)]}
+@router.get("", response_model=dict[str, Any])
+def listing(store: Store, after: After = None, limit: Limit = 1000) -> Response:
+    """List studies in short, oldest first, a page at a time."""
+    made, _, last_id = (after or "").partition(":")
+    seen = None if after is None else (float(made), last_id)
+    found = studies.listed(store, after=seen, limit=limit)
+    last = found[-1] if len(found) == limit else None
+    following = None if last is None else f"{last['created_at']!r}:{last['id']}"
+    return as_json({"studies": found, "next": following})
 
 
 @router.get("/{study_id}")

@@ -29,6 +29,11 @@ _COURSE = [name for name in _OWN if name not in ("id", "created_at", "tags")]
 #: Those of them that count instances; and what takes these from a study.
 _COUNTS = ("handed_out", "leased", "result_count", "ok_count", "rows_complete")
 _COUNTS_OF = attrgetter(*_COUNTS)
+#: What a list tells of a study: nothing whose length depends on how many factors it has.
+LISTED = (
+    *("id", "name", "model", "method", "sampling", "rows", "seed"),
+    *("state", "instances", "created_at", "priority", "tags"),
+)
 _STATES = {state.value: state for state in StudyState}
 
 # Built once: building a statement takes SQLAlchemy longer than executing it takes the database.
@@ -86,6 +91,21 @@ def every(connection: Connection) -> list[Study]:
     """Return all studies, oldest first."""
     found = connection.execute(_EVERY.order_by(studies.c.created_at, studies.c.id))
     return [study_of(row) for row in found]
+
+
+def listed(
+    connection: Connection, *, after: tuple[float, str] | None, limit: int
+) -> list[dict[str, Any]]:
+    """Return `LISTED` of so many studies, oldest first.
+
+    Args:
+        after: when the last one of the page before was made, and its id.
+    """
+    query = sa.select(*(studies.c[name] for name in LISTED))
+    if after is not None:
+        query = query.where(sa.tuple_(studies.c.created_at, studies.c.id) > after)
+    query = query.order_by(studies.c.created_at, studies.c.id).limit(limit)
+    return [dict(row) for row in connection.execute(query).mappings()]
 
 
 def find(connection: Connection, study_id: str, *, lock: bool = False) -> Study:

@@ -104,7 +104,7 @@ def test_it_announces_itself_serves_and_stops_cleanly_on_a_signal(
         assert stranger.get("/readyz").status_code == 200
         assert stranger.get("/v1/studies").status_code == 401
     with coordinator.client() as client:
-        assert client.get("/v1/studies").json() == {"studies": []}
+        assert client.get("/v1/studies").json() == {"studies": [], "next": None}
     assert coordinator.stop(number) == (0, "", "")
 
 

@@ -29,7 +29,7 @@ def test_every_route_of_the_interface_refuses_what_it_does_not_know(app: FastAPI
             "state, outcome, after, limit, replay",
         ),
         ("GET", "/v1/work?Group=a&x", ["Group", "x"], "group"),
-        ("GET", "/v1/studies?limit=1", ["limit"], "none"),
+        ("GET", "/v1/sessions?limit=1", ["limit"], "none"),
         # Those that workers ask for all the time are called without FastAPI.
         ("POST", "/v1/leases?x=1", ["x"], "none"),
         ("POST", "/v1/results?x=1", ["x"], "none"),
@@ -129,7 +129,7 @@ def test_pages_ignore_what_they_do_not_know(client: TestClient) -> None:
         ("POST", "/v1/studies/s/analyses", "; say in the query: output"),
         ("POST", "/v1/studies/s/cancel", ""),
         ("DELETE", "/v1/studies/s", ""),
-        ("GET", "/v1/studies", ""),
+        ("GET", "/v1/studies", "; say in the query: after, limit"),
         ("GET", "/v1/work", "; say in the query: group"),
         ("POST", "/v1/sign-in-codes", ""),
     ],

@@ -60,7 +60,7 @@ def test_a_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(
     assert "default-src 'self'" in policy and "script-src" not in policy
     # No script in the page itself, so none that somebody put there is run.
     assert not re.search(r"<script(?![^>]*\bsrc=)|\son\w+=", page.text)
-    assert browser.get("/v1/studies").json() == {"studies": []}
+    assert browser.get("/v1/studies").json() == {"studies": [], "next": None}
 
 
 @pytest.mark.parametrize("origin", [None, "http://elsewhere", "http://testserver:81", "null"])

@@ -69,6 +69,16 @@ def test_a_token_from_a_file_may_end_its_line() -> None:
         assert client.studies() == []
 
 
+def test_every_study_is_listed_page_after_page() -> None:
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        if "after" not in request.url.params:
+            return httpx2.Response(200, json={"studies": [{"id": "a"}], "next": "1.5:a"})
+        assert request.url.params["after"] == "1.5:a"
+        return httpx2.Response(200, json={"studies": [{"id": "b"}], "next": None})
+
+    assert client(answer).studies() == [{"id": "a"}, {"id": "b"}]
+
+
 @pytest.mark.parametrize("token", ["hush hush", "h\xfcsh", "hush\udcff"])
 def test_a_token_that_no_request_can_bear_is_refused_and_not_shown(token: str) -> None:
     with pytest.raises(Unauthorized, match="no request can bear") as refused:

@@ -249,8 +249,7 @@ def test_a_goal_is_posted_shown_replaced_and_dropped(client: TestClient) -> None
     }
     assert study["precision"] == expected
     path = f"/v1/studies/{study['id']}"
-    (listed,) = client.get("/v1/studies").json()["studies"]
-    assert listed["precision"] == expected
+    assert client.get(path).json()["precision"] == expected
     progress = client.get(f"{path}/progress")
     assert progress.json()["precision"] == expected
     # The same study under the same key, whatever it is to become.

@@ -43,8 +43,30 @@ def test_a_study_is_created_and_found_again(client: TestClient, clock: Any) -> N
         "units": {f.name: f.unit for f in ELBOW.factors} | dict(ELBOW.units),
     }
     assert client.get(f"/v1/studies/{study['id']}").json() == study
-    del study["units"]
-    assert client.get("/v1/studies").json() == {"studies": [study]}
+
+
+@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
+def test_studies_are_listed_in_short_and_in_pages(client: TestClient, clock: Any) -> None:
+    made = []
+    for number in range(5):
+        clock.now += number // 2
+        body = {**STUDY, "name": f"study {number}", "tags": ["lab"]}
+        made.append(client.post("/v1/studies", json=body).json())
+    short = (
+        *("id", "name", "model", "method", "sampling", "rows", "seed"),
+        *("state", "instances", "created_at", "priority", "tags"),
+    )
+    rows = [{name: study[name] for name in short} for study in made]
+    rows.sort(key=lambda row: (row["created_at"], row["id"]))
+    assert client.get("/v1/studies").json() == {"studies": rows, "next": None}
+    first = client.get("/v1/studies?limit=2").json()
+    second = client.get("/v1/studies", params={"limit": 2, "after": first["next"]}).json()
+    client.post(f"/v1/studies/{second['studies'][-1]['id']}/cancel")
+    assert client.delete(f"/v1/studies/{second['studies'][-1]['id']}").status_code == 204
+    last = client.get("/v1/studies", params={"limit": 2, "after": second["next"]}).json()
+    assert first["studies"] + second["studies"] + last["studies"] == rows
+    assert last["next"] is None
+    assert faults_of(client.get("/v1/studies?after=yesterday"))[0][0] == "/query/after"
 
 
 def test_ranges_distributions_fixed_values_and_outputs_are_taken(client: TestClient) -> None:
@@ -223,7 +245,7 @@ def test_dependent_factors_are_refused_with_what_would_be_right(client: TestClie
         assert problem["pointer"] == pointer
         assert 'said by the study\'s correlations, as [["a", "b", 0.6]]' in problem["detail"]
         assert "by its correlation_kind, rank or linear" in problem["detail"]
-        assert client.get("/v1/studies").json() == {"studies": []}
+        assert client.get("/v1/studies").json() == {"studies": [], "next": None}
 
 
 OTHER_SHAPES = ["[]", "3", '"text"', '{"factors": {"correlation": 1}}', "null"]
@@ -248,7 +270,7 @@ def test_a_tag_that_no_worker_can_have_is_refused_with_what_is_right(
         'several are several texts, as ["lab-2", "fast"]'
     )
     assert faults_of(response) == [("/tags/1", why)]
-    assert client.get("/v1/studies").json() == {"studies": []}
+    assert client.get("/v1/studies").json() == {"studies": [], "next": None}
 
 
 def test_numbers_that_are_not_finite_are_refused(client: TestClient) -> None:
@@ -322,10 +344,10 @@ def test_every_refusal_is_a_problem(client: TestClient) -> None:
 def test_a_failure_of_the_coordinator_is_a_problem_that_gives_nothing_away(
     client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise RuntimeError("secret inner workings")
 
-    monkeypatch.setattr(studies, "every", fail)
+    monkeypatch.setattr(studies, "listed", fail)
     assert "secret" not in is_problem(client.get("/v1/studies"), 500)["detail"]
 
 
