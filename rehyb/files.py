@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid, RehybError, needs_extra
+from rehyb.own_files import check_own
 from rehyb.whole_files import whole_file
 
 #: Formats by name, with the ending of their files.
@@ -58,6 +59,7 @@ def export(client: Client, study_id: str, out: Path | None, format: str) -> Path
     if format not in FORMATS:
         raise Invalid(f"there is no format {format!r}: take one of {', '.join(FORMATS)}")
     path = out or Path(study_id + FORMATS[format])
+    check_own(path, format)
     if format == "csv":
         client.results_csv(study_id, path)
         return path

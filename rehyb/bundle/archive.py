@@ -30,6 +30,7 @@ from typing import IO, Any
 from rehyb.client import Client, Json
 from rehyb.errors import Conflict, Invalid
 from rehyb.files import check_names
+from rehyb.own_files import check_own
 from rehyb.whole_files import whole_file
 
 FORMAT = 1
@@ -78,6 +79,7 @@ def write_bundle(client: Client, study_id: str, out: Path) -> str:
         Invalid: a name in its model clashes with one in its table of results.
         RehybError: the coordinator does not know the study, or does not answer.
     """
+    check_own(out, "bundle")
     with whole_file(out) as partial, tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         study = client.study(study_id)

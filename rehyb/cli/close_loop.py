@@ -18,9 +18,13 @@ from rehyb.cli.study.size import Yes, check_study
 from rehyb.client import Client, Json
 from rehyb.client.close_loops import close_loop_by_worker
 from rehyb.errors import Invalid, check_pictures, refusing
+from rehyb.own_files import check_own, check_own_files
+from rehyb.whole_files import write_json
 
 #: Time before stages are told where nobody may be looking, s.
 QUIET = 5.0
+#: What `study of-session --out` writes.
+MODEL_FILES = ("model.toml", "robot.xml", "path.csv")
 
 
 @answering
@@ -41,6 +45,7 @@ def close_loop(
     Exit status 2 if the session cannot be analysed; then nothing is written.
     """
     check_submitted(submit, url, token)
+    _check_folder(out)
     with naming_older(out):
         if submit:
             with Client(url, token) as client:
@@ -48,6 +53,13 @@ def close_loop(
         else:
             report = _close_here(session, out)
     return Answer(report, "\n".join(_lines(report, out)))
+
+
+def _check_folder(out: Path) -> None:
+    """Raise Invalid unless what a report replaces in `out` is an earlier report."""
+    from analysis.closeloop.contract import REPORT_FILES
+
+    check_own_files(out, REPORT_FILES, by="report.json", kind="report")
 
 
 @contextmanager
@@ -120,7 +132,8 @@ def with_effect(
         report, model=model, method=method, rows=rows, seed=seed, from_none=from_none
     )
     if out is not None:
-        out.write_text(json.dumps(study, indent=2) + "\n")
+        check_own(out, "draft")
+        write_json(out, study)
         return Answer({"file": str(out)}, f"{out}: submit it with rehyb study submit {out}")
     with Client(url, token) as client:
         check_study(client, study, yes)
@@ -170,6 +183,7 @@ def of_session(
     called = name or re.sub(r"[^a-z0-9_]+", "_", session.resolve().stem.lower())[:40]
     with tempfile.TemporaryDirectory(prefix="rehyb-robot-") as scratch:
         folder = out or Path(scratch) / "robot"
+        check_own_files(folder, MODEL_FILES, by="model.toml", kind="draft")
         try:
             with refusing(SessionError, NothingToSampleError), opened(session) as recorded:
                 lacks = write_model(recorded, report, folder, called)

@@ -18,6 +18,7 @@ from rehyb.client import Client, Json
 from rehyb.client.close_loops import interpret_by_worker
 from rehyb.errors import Invalid, RehybError, refusing
 from rehyb.interpretation import bank_file, interpret_recording
+from rehyb.own_files import check_own
 
 app = typer.Typer(help="Banks of simulated recordings, which `rehyb interpret` reads.")
 
@@ -64,6 +65,8 @@ def interpret(
     """
     if out is not None and out.suffix not in (".html", ".htm"):
         raise Invalid(f"--out writes a page: name it .html, not {out.name}")
+    if out is not None:
+        check_own(out, "page")
     measured = [_known(text) for text in known or ()]
     check_submitted(submit, url, token)
 
@@ -215,6 +218,7 @@ def build(
     from analysis.interpretation.errors import InterpretationError
 
     path = bank_file(out)
+    check_own(path, "bank")
     with refusing(InterpretationError):
         if extend:
             if population is not None or with_effect is not None or seed is not None:

@@ -13,6 +13,7 @@ import typer
 from rehyb.cli.answers import Answer, answering
 from rehyb.cli.options import assignments, factor_value, number, optional, read_json
 from rehyb.errors import RehybError, check_pictures
+from rehyb.own_files import check_own
 
 if TYPE_CHECKING:
     from models.factors import Factor
@@ -102,6 +103,7 @@ def validate(
     from sim.validation import validate as repeat
 
     check_pictures()
+    check_own(out / "validation.html", "page")
     report = repeat(out)
     rows = [asdict(row) for row in report.rows]
     page = write_validation(out / "validation.html", rows, report.pictures)

@@ -1,6 +1,5 @@
 """Commands for a study under way: `study pause`, `extend`, `rerun`, `failures` and so on."""
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +12,8 @@ from rehyb.cli.options import AllowedPackages, ModelFolders, Servers, StudyId, o
 from rehyb.cli.study.size import Yes, check_rows
 from rehyb.cli.study.studies import app
 from rehyb.client import Client, Json
+from rehyb.own_files import check_own
+from rehyb.whole_files import write_json
 
 #: Instances asked for at a time.
 PAGE = 500
@@ -144,7 +145,8 @@ def instance(
         return _replayed(client, bundle, code)
     if out is None:
         return Answer(bundle, json_text(bundle))
-    out.write_text(json.dumps(bundle, indent=2) + "\n")
+    check_own(out, "instance")
+    write_json(out, bundle)
     return Answer(bundle, str(out))
 
 

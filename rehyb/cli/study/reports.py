@@ -8,6 +8,7 @@ import typer
 from rehyb.cli.answers import Answer, answering
 from rehyb.cli.options import optional
 from rehyb.client import Client
+from rehyb.own_files import check_own
 
 
 @answering
@@ -30,6 +31,7 @@ def report(
     ] = False,
 ) -> Answer:
     """Write one HTML page, to be read offline, with every figure and table of a study."""
+    check_own(out, "page")
     from rehyb.reports import report_studies
 
     folders = {kind: path for kind, path in (("png", png), ("pdf", pdf)) if path is not None}

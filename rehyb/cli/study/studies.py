@@ -32,6 +32,7 @@ from rehyb.cli.study.precision import wait_for_precision
 from rehyb.cli.study.size import Yes, check_study
 from rehyb.client import Client, Json
 from rehyb.errors import Invalid
+from rehyb.own_files import check_own
 
 app = typer.Typer(help="Submit studies and see what becomes of them.", no_args_is_help=True)
 
@@ -230,6 +231,7 @@ def results(
 ) -> Answer:
     """Download a study's results as CSV, one line per instance."""
     path = out or Path(f"{study}.csv")
+    check_own(path, "csv")
     client.results_csv(study, path)
     return file_written(path)
 
