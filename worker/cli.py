@@ -23,6 +23,7 @@ from models.running.pool import Pool, available_cores
 from rehyb.client import DEFAULT_URL, Client
 from rehyb.durations import seconds
 from rehyb.errors import Invalid, RehybError
+from rehyb.streams import print_any_character
 from rehyb.threads import limit_threads
 from worker.agent import Agent
 from worker.banks import usable_bank
@@ -332,6 +333,7 @@ def _state() -> Path:
 def main() -> None:
     """Run the command; a failure is one sentence on stderr and exit status 1."""
     limit_threads()
+    print_any_character()
     try:
         app(prog_name="rehyb-worker")
     except (RehybError, NoModelError) as error:

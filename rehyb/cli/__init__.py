@@ -15,6 +15,7 @@ from rehyb.cli.operate import database, pilots, services, tokens
 from rehyb.cli.study import analyses, files, precision, reports, studies, surrogates
 from rehyb.cli.study import control as control  # its commands join those of `studies`
 from rehyb.errors import Invalid, RehybError
+from rehyb.streams import print_any_character
 from rehyb.threads import limit_threads
 
 app = typer.Typer(
@@ -75,6 +76,7 @@ def every_command(
 def main() -> None:
     """Run the command; a failure is one sentence on stderr."""
     limit_threads()
+    print_any_character()
     try:
         app(prog_name="rehyb")
     except RehybError as error:

@@ -12,6 +12,7 @@ import typer
 
 from rehyb.cli.options import optional
 from rehyb.client import Client, Json
+from rehyb.streams import takes_any_character
 
 Url = Annotated[
     str | None, optional(help="The coordinator. Default: REHYB_URL, else this machine.")
@@ -91,7 +92,8 @@ def study_submitted(study: Json) -> Answer:
 
 def json_text(content: Any) -> str:
     """Return `content` as JSON, indented by two."""
-    return json.dumps(content, indent=2, ensure_ascii=False)
+    # What standard output would escape else is no JSON.
+    return json.dumps(content, indent=2, ensure_ascii=not takes_any_character())
 
 
 def print_json(content: Any) -> None:
