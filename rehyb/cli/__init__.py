@@ -1,6 +1,6 @@
 """The `rehyb` command: one module per noun, errors as one sentence.
 
-Exit status: 0 done, 1 failed, 2 used wrongly, 130 interrupted.
+Exit status: 0 done, 1 failed, 2 used wrongly, 130 interrupted (docs/use/files.md).
 """
 
 import sys
@@ -17,6 +17,9 @@ from rehyb.cli.study import control as control  # its commands join those of `st
 from rehyb.errors import Invalid, RehybError
 from rehyb.streams import print_any_character
 from rehyb.threads import limit_threads
+
+#: What whoever named a path did wrong: nothing of the kind is there, or nobody may have it.
+WRONG_PATHS = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
 
 app = typer.Typer(
     help="Simulate, sample and rank what makes a robot's arm-stiffness measurement wrong.",
@@ -83,7 +86,7 @@ def main() -> None:
         print_line(f"rehyb: {error}", err=True)
         sys.exit(2 if isinstance(error, Invalid) else 1)
     except OSError as error:
-        # A file that cannot be written, a port that cannot be listened on.
+        # A disk that is full, a port that cannot be listened on.
         where = f"{error.filename}: " if error.filename else ""
         print(f"rehyb: {where}{error.strerror or error}", file=sys.stderr)
-        sys.exit(1)
+        sys.exit(2 if isinstance(error, WRONG_PATHS) else 1)

@@ -94,7 +94,7 @@ def test_no_command_replaces_a_fifo_or_names_a_file_that_nobody_typed(
     os.mkfifo(tmp_path / "fifo")
     for place, said, status in (
         ("fifo", "{} is no regular file; name a file", 2),
-        ("none/x", "{}: No such file or directory", 1),
+        ("none/x", "{}: No such file or directory", 2),
     ):
         path = str(tmp_path / place)
         answer = run(*command.split(), "--out", path)

@@ -169,7 +169,7 @@ def test_a_file_that_cannot_be_written_is_one_sentence(
     run: Run, sent: list[dict[str, Any]], tmp_path: Path
 ) -> None:
     status, _, err = run("study", "results", "s1", "--out", str(tmp_path / "no" / "r.csv"))
-    assert status == 1
+    assert status == 2
     assert err.endswith("/r.csv: No such file or directory\n")
     assert len(err.splitlines()) == 1
 

@@ -107,7 +107,7 @@ def test_what_does_not_hold_is_exit_status_1_and_what_is_no_bundle_2(
     assert status == 2
     assert err == "rehyb: b.zip is no bundle, or is damaged: File is not a zip file\n"
     assert run("reproduce", "no.zip", "--check") == (
-        1,
+        2,
         "",
         "rehyb: no.zip: No such file or directory\n",
     )
