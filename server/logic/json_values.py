@@ -1,8 +1,41 @@
 """What may be kept of the JSON and the text that workers send."""
 
+import json
 from collections.abc import Mapping
 from math import inf, isfinite
 from typing import Any, Literal
+
+from analysis.json_values import key_twice
+
+
+class _Twice(dict[str, Any]):
+    """An object in which a key comes twice."""
+
+    key: str
+
+
+def _marked(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    if (key := key_twice(pairs)) is None:
+        return dict(pairs)
+    found = _Twice(pairs)
+    found.key = key
+    return found
+
+
+def place_of_key_twice(text: bytes) -> list[str | int]:
+    """Return the keys and numbers that lead to an outermost key which comes twice, from outside in.
+
+    `text` is JSON in which there is one.
+    """
+    left: list[tuple[list[str | int], Any]] = [([], json.loads(text, object_pairs_hook=_marked))]
+    for place, value in left:
+        if isinstance(value, _Twice):
+            return [*place, value.key]
+        if isinstance(value, Mapping):
+            left += [([*place, key], item) for key, item in value.items()]
+        elif isinstance(value, list):
+            left += [([*place, at], item) for at, item in enumerate(value)]
+    return []
 
 
 def flaw_in(

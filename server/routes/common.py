@@ -19,11 +19,11 @@ from sqlalchemy.engine import Engine
 from starlette.datastructures import QueryParams
 from starlette.types import Message, Receive, Scope, Send
 
-from analysis.json_values import key_twice
 from server.http.encodings import is_json
 from server.http.texts import NO_FORMULA, PRINTABLE
 from server.logic.conditional_requests import is_known
 from server.logic.fleet.unserved import Patience
+from server.logic.json_values import place_of_key_twice
 from server.metrics import Metrics
 from server.settings import Settings
 from server.threads import in_thread
@@ -134,19 +134,21 @@ async def no_key_twice(request: Request) -> None:
 
 
 def _check_keys(body: bytes) -> None:
-    twice: list[str] = []
+    twice = False
 
     def noted(pairs: list[tuple[str, Any]]) -> None:
-        # Workers post thousands a second: which key it is takes longer to find.
-        if len(dict(pairs)) < len(pairs):
-            twice.append(str(key_twice(pairs)))
+        nonlocal twice
+        # Workers post thousands a second: which key it is, and where, takes longer to find.
+        twice = twice or len(dict(pairs)) < len(pairs)
 
+    place: list[str | int] = []
     # What is no JSON is said where it is read.
     with suppress(ValueError, RecursionError):
         json.loads(body, object_pairs_hook=noted)
-    if twice:
-        why = f"the key {twice[0][:80]!r} comes twice in an object: leave out one"
-        raise RequestValidationError([{"type": "key_twice", "loc": ("body",), "msg": why}])
+        place = place_of_key_twice(body) if twice else []
+    if place:
+        why = f"the key {str(place[-1])[:80]!r} comes twice in an object: leave out one"
+        raise RequestValidationError([{"type": "key_twice", "loc": ("body", *place), "msg": why}])
 
 
 #: How JSON writes halves of characters: each may be one, or one of the two of a whole character.

@@ -61,3 +61,10 @@ def test_a_long_body_with_a_key_twice_is_refused_too(client: TestClient) -> None
     headers = {"Content-Type": "application/json"}
     problem = is_problem(client.post("/v1/studies", content=body, headers=headers), 422)
     assert "comes twice" in problem["detail"]
+
+
+@pytest.mark.parametrize("kind", ["sqlite"])
+def test_what_ends_amid_a_key_that_comes_twice_is_no_json(client: TestClient) -> None:
+    headers = {"Content-Type": "application/json"}
+    answer = client.post("/v1/studies", content='{"a": {"b": 1, "b": 2}', headers=headers)
+    assert "is not JSON" in is_problem(answer, 422)["detail"]

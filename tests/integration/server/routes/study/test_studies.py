@@ -297,16 +297,23 @@ def test_a_body_that_is_not_json_is_a_problem(client: TestClient, body: bytes, w
     assert faults_of(response) == [("", f"the body is not JSON: {why}")]
 
 
-@pytest.mark.parametrize("what", ['"rows": 2, "rows": 2000', '"fixed": {"rows": 1, "rows": 2}'])
+@pytest.mark.parametrize(
+    ("what", "pointer"),
+    [
+        ('"rows": 2, "rows": 2000', "/rows"),
+        ('"fixed": {"rows": 1, "rows": 2}', "/fixed/rows"),
+        ('"factors": [{"name": "x1"}, {"rows": 1, "rows": 2}]', "/factors/1/rows"),
+    ],
+)
 def test_a_key_that_comes_twice_is_named_and_neither_is_taken(
-    client: TestClient, what: str
+    client: TestClient, what: str, pointer: str
 ) -> None:
     text = json.dumps(STUDY).replace('"rows": 2', what)
     response = client.post(
         "/v1/studies", content=text, headers={"Content-Type": "application/json"}
     )
     why = "the key 'rows' comes twice in an object: leave out one"
-    assert faults_of(response) == [("", why)]
+    assert faults_of(response) == [(pointer, why)]
 
 
 @pytest.mark.parametrize(
