@@ -22,6 +22,7 @@ from server.http.compression import Gunzip
 from server.http.document import Described
 from server.http.encodings import Utf8
 from server.http.guards import MAX_BODY_BYTES, BodyLimit, Guard
+from server.http.heads import Head
 from server.logic.fleet.history import FleetHistory
 from server.logic.fleet.idling import Idle
 from server.logic.fleet.unserved import Patience
@@ -129,6 +130,7 @@ def create_app(settings: Settings) -> FastAPI:
         believed=app.state.sign_in.believed,
         failed=partial(_note_failure, app.state),
     )
+    app.add_middleware(Head)
     return app
 
 

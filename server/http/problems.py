@@ -142,7 +142,9 @@ def _allowed(request: Request) -> list[str]:
         for route in request.app.router.routes
         if isinstance(route, Route) and route.matches(request.scope)[0] is not Match.NONE
     )
-    return sorted({method for route in fitting for method in route.methods or ()})
+    methods = {method for route in fitting for method in route.methods or ()}
+    # See `server.http.heads`.
+    return sorted(methods | ({"HEAD"} if "GET" in methods else set()))
 
 
 def unless_away(error: Exception) -> JSONResponse:

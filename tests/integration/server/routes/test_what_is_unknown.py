@@ -103,12 +103,13 @@ def test_what_is_known_is_taken_and_a_wrong_method_stays_one(client: TestClient)
 @pytest.mark.parametrize(
     ("method", "path", "allowed"),
     [
-        ("DELETE", "/v1/studies", "GET, POST"),
-        ("OPTIONS", "/v1/studies", "GET, POST"),
-        ("PATCH", "/v1/studies/s", "DELETE, GET"),
+        ("DELETE", "/v1/studies", "GET, HEAD, POST"),
+        ("OPTIONS", "/v1/studies", "GET, HEAD, POST"),
+        ("PATCH", "/v1/studies/s", "DELETE, GET, HEAD"),
         ("GET", "/v1/studies/s/precision", "DELETE, POST"),
         ("GET", "/v1/results", "POST"),
-        ("POST", "/healthz", "GET"),
+        ("POST", "/healthz", "GET, HEAD"),
+        ("HEAD", "/v1/results", "POST"),
     ],
 )
 def test_a_wrong_method_is_told_all_that_are_right(
