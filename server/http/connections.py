@@ -32,6 +32,7 @@ _TOO_SLOW = (
     f"{LEAST_RATE:g} bytes are waited for"
 )
 _TOO_LONG = f"the line and headers of a request may have {MOST_HEAD} bytes at most"
+_NO_HOST = "an HTTP/1.1 request has the header Host once (RFC 9112, 3.2)"
 _NO_HTTP = "what came is no HTTP request, by this protocol's own rules: use an HTTP client"
 
 
@@ -86,6 +87,10 @@ class _TooLongError(Exception):
     """A request's line and headers are longer than they may be."""
 
 
+class _NoHostError(Exception):
+    """A request does not say for whom it is, or says so twice."""
+
+
 class ImpatientProtocol(HttpToolsProtocol):
     """Uvicorn's HTTP, which by itself waits for ever for a request that has not begun or ended.
 
@@ -100,7 +105,7 @@ class ImpatientProtocol(HttpToolsProtocol):
         self._received = 0
         #: Bytes since a head was whole or a part of a body came.
         self._fruitless = 0
-        self._too_long = False
+        self._too_long = self._hostless = False
         gone: Any = self._strangers.add(self, self.client[0] if self.client else "")
         if gone is not None:
             gone.transport.abort()
@@ -137,6 +142,9 @@ class ImpatientProtocol(HttpToolsProtocol):
         if self._fruitless > MOST_HEAD and self._length_of_head() > MOST_HEAD:
             self._too_long = True
             raise _TooLongError
+        if sum(name == b"host" for name, _ in self.headers) != 1 and self._is_http_1_1():
+            self._hostless = True
+            raise _NoHostError
         super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
@@ -149,7 +157,7 @@ class ImpatientProtocol(HttpToolsProtocol):
         if self._too_long:
             self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, _TOO_LONG)
         else:
-            self._refuse(HTTPStatus.BAD_REQUEST, _NO_HTTP)
+            self._refuse(HTTPStatus.BAD_REQUEST, _NO_HOST if self._hostless else _NO_HTTP)
 
     def signed_in(self) -> None:
         """A request bore a good token."""
@@ -192,6 +200,9 @@ class ImpatientProtocol(HttpToolsProtocol):
         app: Any = self.config.app
         bounds: Strangers = app.state.strangers
         return bounds
+
+    def _is_http_1_1(self) -> bool:
+        return bool(self.parser.get_http_version() == "1.1")
 
     def _length_of_head(self) -> int:
         return len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers)

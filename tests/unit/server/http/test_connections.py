@@ -167,7 +167,7 @@ def test_a_long_body_may_come_with_its_head_and_many_requests_on_one_connection(
     assert peer.protocol.cycle.body == b"x" * 100_000 and not peer.protocol.cycle.more_body
     peer.protocol.cycle.response_complete = True
     for _ in range(200):
-        peer.protocol.data_received(b"GET / HTTP/1.1\r\nX: %s\r\n\r\n" % (b"a" * 1000))
+        peer.protocol.data_received(b"GET / HTTP/1.1\r\nHost: a\r\nX: %s\r\n\r\n" % (b"a" * 1000))
         peer.protocol.cycle.response_complete = True
     chunked = HEAD.replace(b"Content-Length: 100000", b"Transfer-Encoding: chunked")
     peer.protocol.data_received(chunked)
@@ -193,3 +193,16 @@ def test_of_too_many_strangers_the_oldest_of_the_address_goes() -> None:
     assert [strangers.add(n, "bad") for n in range(5, 8)] == [1, 2, 3]
     assert [strangers.add(n, f"other {n}") for n in range(10, 12)] == [None, None]
     assert strangers.add(12, "another") == 5
+
+
+@pytest.mark.parametrize("hosts", [b"", b"Host: a\r\nHost: b\r\n"])
+def test_a_request_that_does_not_say_for_whom_it_is_once_is_refused(
+    peer: Peer, hosts: bytes
+) -> None:
+    peer.protocol.data_received(b"GET / HTTP/1.1\r\n%s\r\n" % hosts)
+    assert refused(peer, b"400 ").startswith("an HTTP/1.1 request has the header Host once")
+
+
+def test_http_1_0_needs_no_host(peer: Peer) -> None:
+    peer.protocol.data_received(b"GET / HTTP/1.0\r\n\r\n")
+    assert not peer.wire.ended
