@@ -103,6 +103,8 @@ def create_app(settings: Settings) -> FastAPI:
         version="1",
         docs_url=None,
         redoc_url=None,
+        # It would send to whatever host the request names.
+        redirect_slashes=False,
         lifespan=_lifespan,
         # `/metrics` is there; to ask whether anybody wants FastAPI's own costs every request.
         telemetry={

@@ -119,6 +119,12 @@ def test_a_wrong_method_is_told_all_that_are_right(
     assert (refused.status_code, refused.headers["allow"]) == (405, allowed)
 
 
+@pytest.mark.parametrize("kind", ["sqlite"])
+def test_nobody_is_sent_to_a_host_that_a_request_names(client: TestClient) -> None:
+    answer = client.get("/v1/studies/", headers={"Host": "evil"}, follow_redirects=False)
+    assert (answer.status_code, answer.headers.get("location")) == (404, None)
+
+
 def test_pages_ignore_what_they_do_not_know(client: TestClient) -> None:
     assert client.get("/sign-in?next=%2F&x=1").status_code == 200
     assert client.get("/?x=1").status_code == 200
