@@ -32,6 +32,9 @@ MAX_ROWS = 100_000_000
 #: Probability of a tail that may reach anywhere.
 TAIL = 1e-3
 
+#: Of a width below it the square, of which variances are made, is 0.
+NARROWEST = 1e-150
+
 #: What to do instead.
 _WITH_CORRELATIONS = f"with correlations the method is {' or '.join(DEPENDENT)}"
 
@@ -309,6 +312,11 @@ def _distribution(factor: Factor, choice: FactorChoice, pointer: str) -> Distrib
         found = Distribution.from_json(described)
     except ValueError as error:
         raise InvalidStudyError(pointer, f"{choice.name}: {error}") from error
+    if (width := found.scale.width) < NARROWEST:
+        raise InvalidStudyError(
+            pointer,
+            f"{choice.name} would vary by {width:g} only: by {NARROWEST:g} or more, or fix it",
+        )
     if factor.choices and "values" not in described:
         raise InvalidStudyError(pointer, _of_choices(factor))
     _check_meaning(pointer, factor, described.get("values") or _ends(found))

@@ -3,23 +3,12 @@
 import hashlib
 from typing import Annotated, Any, Literal, Self
 
-from fastapi import APIRouter, Depends, Header, Query, Request, Response
-from pydantic import (
-    AfterValidator,
-    Field,
-    PlainValidator,
-    StringConstraints,
-    WithJsonSchema,
-    model_validator,
-)
-from pydantic_core import PydanticCustomError
+from fastapi import APIRouter, Depends, Request, Response
+from pydantic import Field, WithJsonSchema, model_validator
 from sqlalchemy.engine import Engine
 
 from analysis.designs import DEFAULT_SAMPLING
-from analysis.json_values import is_finite_number
 from models.curves import names_of
-from server.http.texts import PRINTABLE
-from server.logic.json_values import is_unicode
 from server.logic.study.plans import FactorChoice, draw_up, refuse_outside_range
 from server.logic.study.points import parameters
 from server.logic.study.precision_goals import precision_goal
@@ -41,6 +30,7 @@ from server.routes.common import (
     example,
     no_key_twice,
 )
+from server.routes.study.fields import After, Entry, Key, Priority, Range, Tags, Title, Value
 from server.states import StudyState
 
 router = APIRouter(
@@ -60,85 +50,6 @@ _OF_PLAN = {
     "outputs",
     "groups",
 }
-
-
-def _not_blank(text: str) -> str:
-    if not text.strip():
-        raise PydanticCustomError("blank", "a name needs a character that is no blank")
-    return text
-
-
-def _of_a_worker(tag: str) -> str:
-    # What `rehyb-worker --tags` makes of a list: no worker could ever have another one.
-    if "," in tag or tag != tag.strip():
-        raise PydanticCustomError(
-            "tag",
-            "no worker can have the tag {tag}: it has no comma, and no blank at its ends; "
-            'several are several texts, as ["lab-2", "fast"]',
-            {"tag": repr(tag)},
-        )
-    return tag
-
-
-Range = Annotated[list[float], Field(min_length=2, max_length=2)]
-Title = Annotated[
-    str,
-    StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE),
-    AfterValidator(_not_blank),
-]
-Tag = Annotated[Name, AfterValidator(_of_a_worker)]
-Priority = Annotated[int, Field(ge=-1000, le=1000)]
-After = Annotated[
-    str | None,
-    Query(
-        pattern=r"^\d{1,18}\.\d{1,18}:[0-9a-f]{1,32}$",
-        description="`next` of the page before",
-        examples=["1767225600.0:3fb1c2a4d5e6"],
-    ),
-]
-Key = Annotated[
-    str | None, Header(alias="Idempotency-Key", min_length=1, max_length=255, examples=["masses-1"])
-]
-
-
-def _number_or_name(value: Any) -> float | str:
-    if isinstance(value, str):
-        return value
-    if not is_finite_number(value):
-        raise PydanticCustomError("value", "must be a finite number, or the name of a choice")
-    return float(value)
-
-
-def _number_numbers_or_text(value: Any) -> float | str | list[float]:
-    if isinstance(value, str) and is_unicode(value):
-        return value
-    numbers = value if isinstance(value, list) else [value]
-    if not all(map(is_finite_number, numbers)):
-        raise PydanticCustomError("value", "must be a finite number, a list of them, or a text")
-    floats = [float(number) for number in numbers]
-    return floats if isinstance(value, list) else floats[0]
-
-
-#: A union of types would tell of two faults, in places that the request does not have.
-Value = Annotated[
-    Any,
-    PlainValidator(_number_or_name),
-    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
-]
-#: As `Value`, of a distribution.
-Entry = Annotated[
-    Any,
-    PlainValidator(_number_numbers_or_text),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "string"},
-                {"type": "number"},
-                {"type": "array", "items": {"type": "number"}},
-            ]
-        }
-    ),
-]
 
 
 class FactorBody(Body):
@@ -196,7 +107,7 @@ class StudyBody(Body):
     groups: dict[Name, list[Name]] = Field(default_factory=dict)
     sampling: Name = DEFAULT_SAMPLING
     priority: Priority = 0
-    tags: list[Tag] = Field(default_factory=list, max_length=20)
+    tags: Tags = Field(default_factory=list)
     precision: PrecisionBody | None = None
     #: Whether values may lie far outside the ranges for which the model was validated.
     outside_range: bool = False
