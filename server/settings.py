@@ -2,7 +2,7 @@
 
 import ssl
 from pathlib import Path
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, SecretStr, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -91,11 +91,14 @@ class Settings(BaseSettings):
 
 
 def objection(error: ValidationError) -> str:
-    """Say in a sentence what is wrong with a setting, and what would be right."""
-    fault = error.errors()[0]
+    """Say what is wrong with settings, and what would be right."""
+    return "; ".join(map(_objection, error.errors()))
+
+
+def _objection(fault: Any) -> str:
     if not fault["loc"]:
         # What concerns several settings has no place of its own, and names them itself.
-        return fault["msg"].removeprefix("Value error, ")
+        return str(fault["msg"]).removeprefix("Value error, ")
     field = str(fault["loc"][0])
     name, right = f"REHYB_{field}".upper(), Settings.model_fields[field].description
     if right is None:

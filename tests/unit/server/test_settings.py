@@ -87,6 +87,17 @@ def test_what_is_wrong_with_a_setting_is_a_sentence_that_says_what_is_right(
     assert objection(refused.value) == sentence
 
 
+def test_all_that_is_wrong_with_settings_is_said_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("REHYB_TOKEN", raising=False)
+    monkeypatch.setenv("REHYB_LEASE_SECONDS", "-1")
+    with pytest.raises(ValidationError) as refused:
+        Settings()
+    assert objection(refused.value) == (
+        "REHYB_TOKEN: set it to a secret that every request to /v1 must bear; REHYB_LEASE_SECONDS "
+        "must be seconds, a number above 0 and 86400 at most, as 60, not '-1'"
+    )
+
+
 def test_what_a_setting_of_numbers_and_words_must_be_is_said_of_each() -> None:
     free = {"database_url", "token", "tls_certificate", "tls_key"}
     said = {name for name, field in Settings.model_fields.items() if field.description}
