@@ -225,6 +225,8 @@ def _read(folder: Path) -> "ModelFolder":
     from models.built_in import built_in_models
     from models.folder import MODEL_FILE, ModelError, read_folder
 
+    if not folder.exists():
+        raise Invalid(f"{folder}: there is no such folder")
     if not (folder / MODEL_FILE).is_file() and (inner := sorted(folder.glob(f"*/{MODEL_FILE}"))):
         raise Invalid(_of_many(folder, [path.parent for path in inner]))
     with refusing(ModelError):

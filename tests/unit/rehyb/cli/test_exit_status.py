@@ -45,3 +45,10 @@ def test_a_coordinator_that_is_away_is_status_1(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(*command.split(), "--url", "http://127.0.0.1:9")[0] == 1
+
+
+def test_a_models_folder_that_is_not_there_is_named(run: Run, tmp_path: Path) -> None:
+    there = str(tmp_path / "nothere")
+    for command in ("check", "add"):
+        found = run("model", command, there)
+        assert found == (2, "", f"rehyb: {there}: there is no such folder\n")
