@@ -5,6 +5,7 @@ The format is docs/use/models.md's.
 
 import hashlib
 import json
+import re
 import shutil
 import tomllib
 import zipfile
@@ -31,6 +32,7 @@ LIMITS = Limits(
 #: Entries of factors and outputs that say how a model of kind `mjcf` is changed and read.
 MJCF_ENTRIES = {"factors": ("sets", "scales"), "outputs": ("sensor", "reduce", "over")}
 
+_ENTRY = re.compile(r"(?P<part>factors|outputs)\[(?P<number>\d+)\]")
 _MODEL = ("name", "kind", "description", "time_limit", "deterministic")
 #: An example of what runs a program.
 _PROGRAM = '["python3", "model.py"]'
@@ -97,10 +99,19 @@ def read_folder(path: Path) -> ModelFolder:
     try:
         description = Description.from_json({**model, **tables, "code": _digest(path)})
     except DescriptionError as error:
-        raise ModelError(str(error)) from None
+        raise ModelError(f"{error}{_called(error.field, tables)}") from None
     folder = ModelFolder(path=path, description=description, run=_table(said, kind), mjcf=mjcf)
     _check_run(folder)
     return folder
+
+
+def _called(field: str, tables: Mapping[str, Any]) -> str:
+    """Say which factor or output an entry such as "factors[2].low" is of, if that has a name."""
+    if (found := _ENTRY.match(field)) is None:
+        return ""
+    entry = tables[found["part"]][int(found["number"])]
+    name = entry.get("name") if isinstance(entry, dict) else None
+    return f" ({name[:80]})" if isinstance(name, str) and name else ""
 
 
 def pack(folder: ModelFolder, out: Path) -> None:

@@ -37,7 +37,7 @@ def test_another_file_beside_it_is_another_version_and_a_cache_is_none(tmp_path:
         ('kind = "mjcf"', 'kind = "fmu"', "expected mjcf, command or umbridge"),
         ('kind = "mjcf"', 'kind = "command"', "is unknown: expected model, factors, outputs"),
         ("[model]", "[modell]", "must have a table [model]"),
-        ("low = 5.0", "low = 50.0", "factors[0].high: 20 must lie above low, 50"),
+        ("low = 5.0", "low = 50.0", "factors[0].high: 20 must lie above low, 50 (stiffness)"),
         ("low = 5.0", "low = ", "is not TOML"),
         ("[[factors]]", "[[factor]]", "is unknown"),
         ("time_limit = 60", ".".join(["a"] * 9000) + " = 1", "a line of more than 2000"),
