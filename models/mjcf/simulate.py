@@ -70,10 +70,16 @@ class Simulation:
         self._keyframe = _keyframe(model, run.get("keyframe"))
         self._controls = _controls(folder, model, run.get("controls", {}))
         steps = self._duration / model.opt.timestep
-        if steps > MAX_STEPS or steps * max(1, model.nsensordata) > MAX_READINGS:
+        taken = (
+            f"mjcf.duration of {self._duration:g} s takes {steps:.3g} steps of "
+            f"{model.opt.timestep:g} s"
+        )
+        if steps > MAX_STEPS:
+            raise ModelError(f"{taken}; at most {MAX_STEPS}")
+        if steps * model.nsensordata > MAX_READINGS:
             raise ModelError(
-                f"mjcf.duration of {self._duration:g} s takes {steps:.3g} steps of "
-                f"{model.opt.timestep:g} s; at most {MAX_STEPS}, and {MAX_READINGS} sensor readings"
+                f"{taken}, and its sensors give {model.nsensordata} numbers at each; at most "
+                f"{MAX_READINGS} in all"
             )
 
     def __call__(self, parameters: Mapping[str, float], seed: int = 0) -> dict[str, float]:

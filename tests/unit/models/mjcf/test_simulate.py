@@ -106,6 +106,10 @@ def test_a_point_that_mujoco_refuses_or_that_blows_up_is_a_named_failure(tmp_pat
         ({"motor = 0.5": 'motor = {file = "a.csv", column = "u"}'}, "not in the model's folder"),
         ({"duration = 2.0": "duration = 1e9"}, "steps of 0.002 s; at most"),
         (
+            {"</sensor>": '<user name="u" dim="1000000"/></sensor>'},
+            "1e+03 steps of 0.002 s, and its sensors give 1000002 numbers at each; at most",
+        ),
+        (
             {'reduce = "last"': "curve = 5", "duration = 2.0": "duration = inf"},
             "mjcf.duration must be a finite number of seconds",
         ),
