@@ -54,6 +54,20 @@ def _is_instance(path: Path) -> bool:
     return isinstance(content, dict) and {"study", "row", "position"} <= content.keys()
 
 
+def _is_picture(path: Path) -> bool:
+    # What drew it says so in each of its formats.
+    return b"atplotlib" in path.read_bytes()
+
+
+def _is_film(path: Path) -> bool:
+    head = _head(path)
+    return head.startswith(b"GIF8") or head[4:8] == b"ftyp"
+
+
+def _is_record(path: Path) -> bool:
+    return _members(path) >= {"time.npy", "passive_torque.npy", "muscle_torque.npy"}
+
+
 def _members(path: Path) -> set[str]:
     try:
         with zipfile.ZipFile(path) as archive:
@@ -79,6 +93,9 @@ _IS: Mapping[str, Callable[[Path], bool]] = {
     "bank": _is_bank,
     "report": _is_report,
     "instance": _is_instance,
+    "picture": _is_picture,
+    "film": _is_film,
+    "record": _is_record,
     # What is there to be changed by hand is nobody's but the hand's.
     "draft": lambda _: False,
 }

@@ -70,6 +70,9 @@ def assess(
 
     if plot is not None:
         check_pictures()
+    for path, kind in ((record, "record"), (plot, "picture"), (video, "film")):
+        if path is not None:
+            check_own(path, kind)
     values, setting = _parameters(replay, settings or (), outside_range)
     setting = {"target": target, "fidelity": fidelity, "device": device} | setting
     try:

@@ -195,6 +195,8 @@ def indices(
 ) -> Answer:
     """Show a study's sensitivity indices, their intervals, and how many rows are still wanted."""
     check_target(target)
+    if plot is not None:
+        check_own(plot, "picture")
     with Client(url, token) as client:
         snapshot = client.indices(study)
         now = client.progress(study)

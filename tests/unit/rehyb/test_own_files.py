@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from rehyb.errors import Invalid
+from rehyb.own_files import check_own
 from tests.testbed.coordinators.finished_study import FinishedStudy
 
 Run = Callable[..., tuple[int, str, str]]
@@ -56,3 +58,21 @@ def test_a_report_goes_neither_into_a_sessions_folder_nor_over_files_that_are_no
     status, _, err = run("close-loop", str(session), "--out", str(earlier))
     assert status == 2 and "is there already" not in err
     assert (other / "residuals.csv").read_text() == "mine"
+
+
+@pytest.mark.parametrize("kind", ["picture", "film", "record", "bank", "instance", "draft"])
+def test_nothing_of_the_users_is_taken_for_what_a_command_wrote(kind: str, tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    check_own(mine, kind)
+    for content in (b"", b"{}", b"\x89PNG\r\n\x1a\nmine", b"PK", b"[1, 2]"):
+        mine.write_bytes(content)
+        with pytest.raises(Invalid, match="is there already"):
+            check_own(mine, kind)
+
+
+@pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
+def test_a_picture_is_drawn_again(ending: str, tmp_path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    Figure().savefig(tmp_path / f"a.{ending}")
+    check_own(tmp_path / f"a.{ending}", "picture")
