@@ -1,4 +1,9 @@
-"""Which rows of a sample indices are told from: those that nobody laid out, as far as one sees."""
+"""Which rows of a sample indices are told from: those that nobody laid out, as far as one sees.
+
+Designs that lay them out are those of Saltelli et al. 2010 and Morris 1991; walks and crossed rows
+are no draws of their own, so that intervals from so many rows are too narrow (Kish 1965, Survey
+sampling, section 5.4, on the effect of clusters).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
