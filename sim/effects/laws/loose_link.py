@@ -11,6 +11,7 @@ import numpy as np
 
 from sim.effects.effect import Columns, Effect, Limits, Theta
 from sim.effects.hanging import hanging
+from sim.effects.laws.abrupt import abrupt_starts, begun_calmly
 from sim.effects.motion import RecordedJoint, Spring
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, named
 
@@ -195,10 +196,6 @@ def _parts(
     load = joint.estimate.carried - there
     for number, theta in thetas.items():
         load[:, number] -= taken_before(joint, number, theta)
-    for piece in recording.slices:
-        # Filters do not know how a stretch begins, and nothing shows a swing as quick as that.
-        known = min(piece.start + recording.edge, piece.stop - 1)
-        load[piece.start : known] = load[known]
     shares = np.array([theta.get(BEHIND, 1.0) for theta in thetas.values()])
     inertias = shares * np.stack([joint.inertia(n) for n in joints], axis=-1)
     drags = shares * np.stack([joint.drag(n) for n in joints], axis=-1)
@@ -219,10 +216,21 @@ def _parts(
             stiff = stiff + _secant(joint, number, load[:, number], held)
         stiffness[itself] = springs[place] + np.maximum(stiff, least)
     begins = np.array([piece.start for piece in recording.slices])
-    ways = hanging(inertia, damping, stiffness, load[:, joints], begins, 1.0 / recording.rate)
-    felt = springs[:, None] * ways[:, 0] + own[:, None] * ways[:, 1]
-    felt[..., 0] -= load[:, joints]
-    swings = _swings(joint, joints, felt, there[:, joints])
+
+    def hung(load: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        ways = hanging(inertia, damping, stiffness, load, begins, 1.0 / recording.rate)
+        felt = springs[:, None] * ways[:, 0] + own[:, None] * ways[:, 1]
+        felt[..., 0] -= load
+        return ways, felt, *_swings(joint, joints, felt, there[:, joints])
+
+    ways, felt, swings, left = hung(load[:, joints])
+    if abrupt := abrupt_starts(load[:, joints], recording):
+        calm = hung(begun_calmly(load[:, joints], recording))
+        for number in abrupt:
+            if calm[3][number] < left[number]:
+                piece = recording.slices[number]
+                for one, other in zip((ways, felt, swings), calm[:3], strict=True):
+                    one[piece] = other[piece]
     place, speed, twice = np.moveaxis(np.einsum("nkmw,nw->nkm", ways, swings)[:, :, None], 1, 0)
     parts = -(inertias * twice + drags * speed + slopes * place)
     whole = np.einsum("nmw,nw->nm", felt, swings)
@@ -260,8 +268,10 @@ def _secant(
 
 def _swings(
     joint: RecordedJoint, joints: list[int], felt: np.ndarray, there: np.ndarray
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """Return how much of each way to move is there, (n, ways): 1, and what each piece began with.
+
+    And the squares of what is left with it in each piece, over those of what was before, (pieces,).
 
     Args:
         joint: one of those that hang on springs.
@@ -272,12 +282,15 @@ def _swings(
     recording = joint.recording
     size = np.zeros((len(felt), felt.shape[2]))
     size[:, 0] = 1.0
-    left = joint.estimate.residual[:, joints] + recording.filtered(there - felt[..., 0])
+    before = joint.estimate.residual[:, joints]
+    left = before + recording.filtered(there - felt[..., 0])
     good = np.isfinite(left) & recording.usable[:, None]
     if recording.disturbed is not None:
         good &= ~recording.disturbed[:, joints]
     # Joints are weighed by what is left of them.
-    weight = good / np.maximum(np.sqrt(np.mean(left**2, axis=0, where=good)), 1e-300)
+    mean = np.maximum(np.sqrt(np.mean(left**2, axis=0, where=good)), 1e-300)
+    scale = mean / np.maximum(np.sqrt(np.mean(before**2, axis=0, where=good)), 1e-300)
+    weight = good / mean
     left = np.where(good, left, 0.0) * weight
     pieces = recording.slices
     within = [slice(piece.start + recording.edge, piece.stop - recording.edge) for piece in pieces]
@@ -290,16 +303,15 @@ def _swings(
     begun = felt[..., 1:]
     least = FADED**2 * seen(begun, np.ones(good.shape), pieces)
     shown = seen(begun, good.astype(float), within) > least
-    if not np.any(shown):
-        return size
-    smooth = recording.filtered(begun)
+    smooth = recording.filtered(begun) if np.any(shown) else np.zeros_like(begun)
     shown &= seen(smooth, good.astype(float), within) > least
     for piece, inside, own in zip(pieces, within, shown, strict=True):
         if np.count_nonzero(good[inside]) > np.count_nonzero(own) > 0:
             ways = (smooth[inside][..., own] * weight[inside, :, None]).reshape(-1, own.sum())
             found = np.linalg.lstsq(ways, left[inside].reshape(-1), rcond=1e-6)[0]
             size[piece, 1 + np.flatnonzero(own)] = found
-    return size
+            left[inside] -= (ways @ found).reshape(left[inside].shape)
+    return size, np.array([float(np.sum((left[own] * scale) ** 2)) for own in within])
 
 
 def _spring(joint: RecordedJoint, number: int, theta: Theta) -> float:

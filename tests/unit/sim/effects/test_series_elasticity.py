@@ -67,7 +67,8 @@ def test_the_column_is_what_a_limb_on_a_spring_changes(
     joint = replace(joint, estimate=estimate)
     columns = ELASTIC.columns(joint, {"resonance": hertz, "damping_ratio": 0.2})
     for number, torque in ((ELBOW, np.array(expected)), (OTHER, np.array(felt))):
-        assert alike(columns[number][:, 0] / spring, torque, recording.edge)
+        difference = columns[number][:, 0] / spring - torque
+        assert np.sqrt(np.mean(difference**2)) < 0.03 * np.sqrt(np.mean(torque**2))
 
 
 def test_two_springs_are_one_system_in_which_each_link_shakes_the_other(
@@ -113,9 +114,10 @@ def test_two_springs_are_one_system_in_which_each_link_shakes_the_other(
 
     apart = springs_apart(replace(joint, estimate=estimate), thetas)
     for number, other in (both, both[::-1]):
-        found, itself = (apart[n][number][:, 0] / springs[n] for n in (other, number))
-        assert alike(found, felt[:, number], recording.edge)
-        assert alike(itself, torque[:, number] - felt[:, number], recording.edge)
+        assert alike(apart[other][number][:, 0] / springs[other], felt[:, number])
+        assert alike(
+            apart[number][number][:, 0] / springs[number], torque[:, number] - felt[:, number]
+        )
 
     first = np.column_stack([columns[:, 0] for columns in apart[OTHER].values()]) / springs[OTHER]
     beside = replace(
@@ -126,14 +128,12 @@ def test_two_springs_are_one_system_in_which_each_link_shakes_the_other(
     )
     added = ELASTIC.columns(replace(joint, estimate=beside), thetas[ELBOW])
     for number in both:
-        found = added[number][:, 0] / springs[ELBOW] + first[:, number]
-        assert alike(found, torque[:, number], recording.edge)
+        assert alike(added[number][:, 0] / springs[ELBOW] + first[:, number], torque[:, number])
 
 
-def alike(found: np.ndarray, torque: np.ndarray, edge: int) -> bool:
-    """Whether both agree, where filters know the motion, as far as a swing had faded by then."""
-    difference = (found - torque)[edge:-edge]
-    return bool(np.sqrt(np.mean(difference**2)) < 0.04 * np.sqrt(np.mean(torque**2)))
+def alike(found: np.ndarray, torque: np.ndarray) -> bool:
+    difference = np.sqrt(np.mean((found - torque) ** 2))
+    return bool(difference < 0.03 * np.sqrt(np.mean(torque**2)))
 
 
 def test_a_limb_that_would_fall_off_its_spring_has_a_finite_column(recording: Recording) -> None:
@@ -157,19 +157,20 @@ def test_a_compliance_has_the_size_that_its_resonance_says(recording: Recording)
 def test_a_swing_that_is_over_before_it_shows_is_not_fitted(recording: Recording) -> None:
     """To noise at its end, it would be as large as anything at its beginning.
 
-    Nor is one that is quicker than the low-pass lets through.
+    Nor is one that is quicker than the low-pass lets through. Where a load begins at once there are
+    two beginnings to choose from, and none that noise makes.
     """
     joint = unfitted(recording, ELBOW)
-    noise = np.random.default_rng(0).standard_normal(recording.position.shape)
-    still = replace(joint.estimate, residual=np.zeros_like(noise))
-    loud = replace(joint.estimate, residual=recording.filtered(noise))
-    for hertz, ratio, same in ((8.0, 0.1, False), (8.0, 0.9, True), (25.0, 0.05, True)):
+    for hertz, ratio, fitted in ((8.0, 0.1, True), (8.0, 0.9, False), (25.0, 0.05, False)):
         theta = {"resonance": hertz, "damping_ratio": ratio}
-        one, other = (
-            ELASTIC.columns(replace(joint, estimate=estimate), theta)[ELBOW]
-            for estimate in (still, loud)
-        )
-        assert np.allclose(one, other) == same
+        found: list[np.ndarray] = []
+        for seed in range(4):
+            noise = np.random.default_rng(seed).standard_normal(recording.position.shape)
+            loud = replace(joint.estimate, residual=recording.filtered(noise))
+            column = ELASTIC.columns(replace(joint, estimate=loud), theta)[ELBOW]
+            if not any(np.allclose(column, other) for other in found):
+                found.append(column)
+        assert len(found) == 4 if fitted else len(found) <= 2
 
 
 def test_a_swing_that_is_over_before_any_sample_counts_is_not_fitted(recording: Recording) -> None:
