@@ -58,7 +58,9 @@ def floors(
             or _from_repeats(recording, repeated, own)
             or _above_the_band(recording, own)
         )
-        digit = last_digit(np.concatenate([error.effort for error in own])) if own else 0.0
+        raw = [recording.raw_effort(error.trial, joint) for error in own]
+        known = [effort for effort in raw if effort is not None]
+        digit = last_digit(np.concatenate(known)) if known else 0.0
         if digit > (floor.value if floor else 0.0):
             floor = Floor(value=digit, source="quantisation")
         if floor is not None:

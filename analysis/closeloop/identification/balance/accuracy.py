@@ -120,9 +120,9 @@ def raw_errors(
             times, efforts, expected = [], [], []
             pieces = recording.pieces_of(number)
             longer = [p for p in pieces if p.stop - p.start > 2 * recording.edge]
+            ends = edge if longer else 0.0
             for piece in longer or pieces:
                 clock = recording.time[piece]
-                ends = edge if longer else 0.0
                 # One working step beyond the last sample at most: the clock is rounded down.
                 last = clock[-1] + 1 / recording.rate - ends
                 rows = (trial.time >= clock[0] + ends) & (trial.time <= last)
@@ -137,6 +137,7 @@ def raw_errors(
                         time=np.concatenate(times),
                         effort=np.concatenate(efforts),
                         predicted=np.concatenate(expected),
+                        ends=ends,
                     )
                 )
     return found
@@ -194,7 +195,8 @@ def smooth_relative(errors: list[TrialError], joint: int, rate: float) -> float 
             decimate(np.interp(even, error.time, signal), factor, zero_phase=True)
             for signal in (error.effort, error.predicted)
         )
-        edge = len(effort) // 50
+        out = round(error.ends * SMOOTH_RATE)
+        edge = max((len(effort) + 2 * out) // 50 - out, 0)
         inside = slice(edge, len(effort) - edge)
         lost += float(((effort - predicted)[inside] ** 2).sum())
         power += float((effort[inside] ** 2).sum())

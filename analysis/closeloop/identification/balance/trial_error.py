@@ -14,6 +14,8 @@ class TrialError:
     time: np.ndarray
     effort: np.ndarray
     predicted: np.ndarray
+    #: Time left out at either end, s.
+    ends: float = 0.0
 
     @property
     def residual(self) -> np.ndarray:

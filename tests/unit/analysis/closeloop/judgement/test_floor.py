@@ -151,9 +151,11 @@ def test_what_the_user_knows_of_a_sensor_comes_first(repeated: Recording) -> Non
 
 
 def test_no_floor_is_below_the_last_digit(recording: Recording) -> None:
-    session = replace(recording.session, noise={"elbow.effort": 0.01})
-    known = replace(recording, joints=(1,), session=session)
-    floor = floors(known, [error(known, np.zeros(len(known.time)), step=0.5)])[1]
+    rounded = error(recording, np.zeros(len(recording.time)), step=0.5)
+    (trial,) = recording.session.trials
+    trials = (replace(trial, columns={"elbow.effort": rounded.effort}),)
+    session = replace(recording.session, noise={"elbow.effort": 0.01}, trials=trials)
+    floor = floors(replace(recording, joints=(1,), session=session), [rounded])[1]
     assert floor.source == "quantisation"
     assert floor.value == pytest.approx(0.5 / np.sqrt(12), rel=0.01)
 
