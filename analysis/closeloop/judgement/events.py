@@ -41,7 +41,7 @@ from analysis.closeloop.judgement.holds import (
     spread,
 )
 from analysis.closeloop.judgement.recurring import ELSEWHERE, Way, clock_of
-from analysis.closeloop.judgement.shoved import away_events, shoved_events
+from analysis.closeloop.judgement.shoved import away_events, goes_itself, shoved_events
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import least_digit, lowpass, rms
@@ -106,7 +106,8 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             often = len(_long(event for event, _ in stands_out))
             own = _long(event for event, swings in stands_out if not swings)
             seconds = len(samples) * samples_step(samples) / recording.rate
-            if int(driven(recording, joint, samples).sum()) * seconds > TELLS * len(samples):
+            moved = driven(recording, joint, samples) | goes_itself(recording, joint)[samples]
+            if int(moved.sum()) * seconds > TELLS * len(samples):
                 torque = prediction(model, evaluate(model, rows).coefficients)[:, [joint]]
                 expected[joint] = recording.filtered(torque)[:, 0]
             found += _over_rests(own, rows, joint) if often <= max(3.0, OFTEN * seconds) else []

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.closeloop.loop import close_loop
+from tests.testbed.sessions.closed import closed_without_page
 
 RATE, SECONDS, TRIALS = 100.0, 5.0, 4
 #: A hobby servo's encoder, 12 bits a turn, rad.
@@ -76,3 +77,40 @@ def test_a_movement_of_less_than_a_second_that_goes_far_is_fitted(tmp_path: Path
     report = close_loop(tmp_path, tmp_path / "out")
     assert not any("no joint moves long enough" in line for line in report["warnings"])
     assert report["verdict"] != "unexplained"
+
+
+@pytest.mark.parametrize("pushed", [False, True], ids=["by its motor alone", "and pushed once"])
+def test_quick_pulses_of_a_motor_out_of_a_hold_are_no_pushes(tmp_path: Path, pushed: bool) -> None:
+    """A stranger's: every pulse was an event, where inertia takes more than the stiffness."""
+    rng, trials, (inertia, damping, stiffness) = np.random.default_rng(5), [], (0.06, 0.15, 2.0)
+    for number in range(5):
+        time = 20.0 * number + np.arange(20000) / 2000.0
+        position = np.zeros(len(time))
+        for begin in 20.0 * number + np.arange(0.8, 9.0, 1.1):
+            part = np.clip((time - begin) / 0.15, 0.0, 1.0) - np.clip(
+                (time - begin - 0.17) / 0.15, 0.0, 1.0
+            )
+            position += rng.choice([-0.12, 0.12, 0.2]) * part**3 * (10 - 15 * part + 6 * part**2)
+        since = (time - 20.0 - 1.3) / 0.5
+        push = 2.0 * np.sin(np.pi * since) ** 2 * (pushed & (since > 0) & (since < 1))
+        position += 0.004 * push
+        velocity = np.gradient(position, time)
+        effort = inertia * np.gradient(velocity, time) + damping * velocity + stiffness * position
+        effort += 0.05 * rng.standard_normal(len(time)) - push
+        header, name = "time,elbow.position,elbow.effort", f"t{number}.csv"
+        table = np.column_stack([time, np.round(position / 2e-5) * 2e-5, effort])[::10]
+        np.savetxt(tmp_path / name, table, delimiter=",", header=header, comments="", fmt="%.9g")
+        trials.append({"file": name, "role": "holdout" if number == 4 else "fit"})
+    (tmp_path / "device.xml").write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="elbow" axis="0 1 0"/>'
+        '<inertial mass="1" pos="0 0 0" diaginertia=".06 .06 .06"/></body></worldbody></mujoco>'
+    )
+    declared = [{"effect": "viscoelastic_joint", "joint": "elbow"}]
+    content = {"schema": 1, "model": "device.xml", "trials": trials, "declared_effects": declared}
+    (tmp_path / "session.json").write_text(json.dumps(content))
+    report = closed_without_page(tmp_path, tmp_path / "out")
+    events = report["unexplained"].get("elbow", {}).get("events", [])
+    assert len(events) == int(pushed)
+    assert all(21.2 < event["from"] < 21.6 < event["to"] < 21.9 for event in events)
+    assert report["effects"] == []
+    assert report["impedance"]["elbow"]["stiffness"]["after"] == pytest.approx(2.0, rel=0.02)
