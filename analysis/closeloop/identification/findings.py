@@ -225,6 +225,16 @@ class Structure:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ByTrial:
+    """A limb's stiffness in every fitted trial."""
+
+    #: Root mean square of what it explains, Nm or N (low-passed).
+    rms: float
+    #: Nm/rad or N/m, by the number of the trial.
+    stiffness: Mapping[int, float]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Hidden:
     """An effect that nobody saw, and how far it could move a joint's stiffness all the same."""
 
@@ -259,6 +269,8 @@ class Outcome:
     floors: Mapping[int, Floor]
     #: Signals that the final residual goes with, and torque that is local in time.
     structures: Mapping[int, list[Structure]]
+    #: Joints of limbs whose stiffness differs from trial to trial.
+    by_trial: Mapping[int, ByTrial]
     events: Sequence[Event]
     #: Loads that trials carry without naming them.
     loads: Sequence[Carried]

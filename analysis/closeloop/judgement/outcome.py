@@ -35,6 +35,7 @@ from analysis.closeloop.identification.findings import (
     Trace,
 )
 from analysis.closeloop.identification.spectrum import Peak, peaks
+from analysis.closeloop.judgement.by_trial import by_trial
 from analysis.closeloop.judgement.floor import floors
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.signals import rms
@@ -89,6 +90,7 @@ def outcome_of(
         oscillations=oscillations(recording, fit[1]),
         floors=lowest,
         structures=_large(trace, goes_with, lowest),
+        by_trial=by_trial(trace.model, rows),
         events=events,
         loads=loads,
         hidden=hidden,
@@ -170,7 +172,7 @@ def left_beside_events(outcome: Outcome) -> bool:
         if joint not in outcome.floors
         or max(peak.rms for peak in own) > MIN_LINE * outcome.floors[joint].value
     ]
-    return bool(shaken or outcome.loads or far or structured)
+    return bool(shaken or outcome.loads or far or structured or outcome.by_trial)
 
 
 def _far(outcome: Outcome) -> list[int]:

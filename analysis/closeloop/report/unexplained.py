@@ -35,6 +35,8 @@ OF_TRIALS = "the error of a trial that stands out, less the usual one"
 OF_FLOOR = "the error in motion, less the floor"
 OF_EVENTS = "the error within the events alone"
 OF_PEAKS = "the events, as half sines of their peaks"
+#: What a stiffness that differs from trial to trial goes with.
+TRIAL = "trial"
 #: Signals of one joint that are listed.
 MAX_SIGNALS = 3
 
@@ -64,6 +66,8 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
         events = event_entries(recording, [e for e in outcome.events if e.joint == joint])
         depends = [signal for signal, _ in left.depends_on]
         depends += [one.signal for one in outcome.structures.get(joint, [])[:MAX_SIGNALS]]
+        if joint in outcome.by_trial:
+            depends.append(TRIAL)
         if joint in beyond:
             depends.append("time")
         ratio = outcome.over_floor(joint) or 0.0
@@ -79,7 +83,9 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
             continue
         share = max(0.0, 1.0 - left.splines_loss / max(left.model_loss, 1e-300))
         lines = sum(peak.rms**2 for peak in beyond.get(joint, []))
-        strongest = max((one.rms for one in outcome.structures.get(joint, [])), default=0.0)
+        signals = [*outcome.structures.get(joint, [])]
+        signals += [outcome.by_trial[joint]] if joint in outcome.by_trial else []
+        strongest = max((one.rms for one in signals), default=0.0)
         squares = {
             OF_SIGNALS: max(share * smooth_part(found, joint) + lines, strongest**2),
             OF_TRIALS: max([0.0, *(_mean_square(error) - usual for error in odd)]),
@@ -225,6 +231,23 @@ def far_from_floor(outcome: Outcome) -> list[str]:
                 f"{name}: the error in motion is {ratio:.1f} times the noise of its effort (its "
                 f"floor, {floor.value:.3g} {unit}; {floor.source})"
             )
+    return lines
+
+
+def of_each_trial(outcome: Outcome) -> list[str]:
+    """Return a warning for every limb whose stiffness differs from trial to trial."""
+    recording, lines = outcome.trace.rows.recording, []
+    for joint, own in outcome.by_trial.items():
+        name = recording.name(joint)
+        unit = f"{recording.device.unit(name)}/{recording.device.angle_unit(name)}"
+        each = [
+            f"{stiffness:.3g} {unit} in {recording.session.trials[trial].file}"
+            for trial, stiffness in own.stiffness.items()
+        ]
+        lines.append(
+            f"the stiffness of {name} differs from trial to trial, and no one number describes it "
+            f"({listed(each)}): muscles whose tone changes do that, or a limb held otherwise"
+        )
     return lines
 
 
