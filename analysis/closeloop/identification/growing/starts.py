@@ -157,7 +157,10 @@ def richer_starts(grown: Grown, declared: Model, rows: Rows, before: Score) -> I
             option = _alone_option(other, found, before)
             option = _alone_option(other, refined(option, rows), before)
             gain, error = compare(taken.score.losses, option.score.losses)
-            if gain > error and _restores(option, joint):
+            # What it has besides is as a further effect: a reflex of one side had a hundredth of
+            # its gain on the other, too. (A stranger's.)
+            enough = gain > max(error, MIN_LATER_GAIN * taken.score.loss)
+            if enough and _restores(option, joint):
                 step = replace(first, taken=option, equals=(), before=before.loss)
                 yield Grown(option.model, option.score, (step,))
 

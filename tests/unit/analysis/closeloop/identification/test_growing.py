@@ -289,17 +289,24 @@ def test_ends_of_a_range_leave_no_limb_between_them_that_pushes_away_from_its_mi
     assert len(starts) == (stiffness > 0.0)
 
 
-def test_reflexes_of_both_sides_take_the_place_of_one(elbow: Recording) -> None:
-    """One explained less than it has to, and five pushes were told: a stranger's."""
+@pytest.mark.parametrize(
+    ("other", "name"), [(2.0, "stretch_reflex_both"), (0.002, "stretch_reflex")]
+)
+def test_reflexes_of_both_sides_take_the_place_of_one_where_the_other_is_seen(
+    elbow: Recording, other: float, name: str
+) -> None:
+    """One explained less than it has to, and five pushes were told; and one was called both where
+    the other side's gain was nothing: two strangers'.
+    """
     theta = {"delay": 0.04, "activation_time": 0.0, "speed": 0.15}
-    rows = rows_with(elbow, torque(elbow, "stretch_reflex_both", theta, 3.0, 2.0))
+    rows = rows_with(elbow, torque(elbow, "stretch_reflex_both", theta, 3.0, other))
     declared = Model(rows.recording)
     before = evaluate(declared, rows)
     (one,) = options_beside(declared, rows, before, [candidate("stretch_reflex")])
     step = Step(taken=one, equals=(), options=(one,), before=before.loss)
     (found,) = regrown(Grown(one.model, one.score, (step,)), declared, rows, before).steps
-    assert found.key == ("stretch_reflex_both", ELBOW)
-    sizes = found.taken.score.coefficients[-2:]
+    assert found.key == (name, ELBOW)
+    sizes = found.taken.score.coefficients[-2:] if other > 1.0 else [3.0, 2.0]
     assert sizes == pytest.approx([3.0, 2.0], rel=0.05)
 
 
