@@ -67,7 +67,7 @@ class StretchReflex(AppliedEffect):
         ),
         delay=Parameter("s", "from stretch to torque", 0.0, 0.1, floor=0.0, ceiling=0.5),
         activation_time=Parameter(
-            "s", "of the muscle's low-pass", 0.0, 0.1, floor=0.0, ceiling=0.5
+            "s", "of the muscle's second-order low-pass", 0.0, 0.1, floor=0.0, ceiling=0.5
         ),
         side=SIDE,
     )
