@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from analysis.closeloop.errors import naming_unsolvable
 from analysis.closeloop.exchanged import check_exchanged
 from analysis.closeloop.magnitudes import SAID, are_magnitudes
 from analysis.closeloop.misdeclared import check_declared
@@ -11,6 +12,7 @@ from analysis.closeloop.odd_trials import check_odd_trials
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.faults import fault
+from analysis.closeloop.session.files import SESSION_FILE
 from analysis.closeloop.session.mjcf import load_device
 from analysis.closeloop.session.plausibility import (
     check_copies,
@@ -28,6 +30,7 @@ from analysis.closeloop.units import check_units
 from sim.effects.catalogue import BY_NAME
 
 
+@naming_unsolvable(SESSION_FILE)
 def load_session(folder: Path) -> Recording:
     """Return the recording of the session in `folder`.
 

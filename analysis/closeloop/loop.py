@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
+from analysis.closeloop.errors import naming_unsolvable
 from analysis.closeloop.identification.arms.skew import synchronised, synchronised_limb
 from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
@@ -40,6 +41,7 @@ from analysis.closeloop.report.page import write_page
 from analysis.closeloop.report.plain import finite
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.report.still import still_answer
+from analysis.closeloop.session.files import SESSION_FILE
 from analysis.closeloop.session.reading import said_of_unread
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import TRAVEL
@@ -146,6 +148,7 @@ def _rests(recording: Recording) -> bool:
     return True
 
 
+@naming_unsolvable(SESSION_FILE)
 def close_loop(
     folder: Path, out: Path, progress: Callable[[str], None] = lambda _: None
 ) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session import urdf
+from analysis.closeloop.session.bounds import check_bounds
 from analysis.closeloop.session.contents import NOMINAL, Session
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.files import SESSION_FILE, inside, read_text
@@ -21,8 +22,6 @@ from sim.assessment.nominal import nominal_spec
 from sim.effects.elements import without_applied
 
 MAX_MODEL_BYTES = 5_000_000
-#: m and kg: beyond, nothing that a joint moves is meant, and squares of it have no digits left.
-MAX_LENGTH, MAX_MASS = 1e3, 1e6
 #: Elements and attributes of an MJCF file that reach outside it or break an open chain.
 REFUSED_ELEMENTS = {
     "include": "an included file",
@@ -67,31 +66,17 @@ def load_device(session: Session) -> Device:
         joint_types = device.model.jnt_type
     except ValueError as error:
         raise _refused(error, session.model) from None
-    _check_sizes(device.model, session.model)
-    _check_losses(device.model, session.model)
     kinds = {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}
     if any(mujoco.mjtJoint(joint_type) not in kinds for joint_type in joint_types):
         raise SessionError("may have hinge and slide joints only", file=session.model)
+    check_bounds(device.model, session.model)
+    _check_losses(device.model, session.model)
     if not device.joints or not all(device.joints):
         raise SessionError("must have joints, each with a name", file=session.model)
     _check_names(session, device)
     if not device.recorded_joints:
         raise SessionError("ignored_joints leaves no joint to analyse", file=SESSION_FILE)
     return device
-
-
-def _check_sizes(model: mujoco.MjModel, name: str) -> None:
-    for word, most, numbers in (
-        ("places", MAX_LENGTH, np.abs(np.hstack([model.body_pos, model.body_ipos])).max(axis=1)),
-        ("masses", MAX_MASS, model.body_mass),
-    ):
-        worst = int(np.argmax(numbers))
-        if not numbers[worst] < most:
-            why = (
-                f"body {model.body(worst).name[:60]!r} has {word} of {numbers[worst]:g}; lengths "
-                f"are in m, masses in kg, and at most {most:g}"
-            )
-            raise SessionError(why, file=name)
 
 
 def _check_losses(model: mujoco.MjModel, name: str) -> None:
@@ -182,6 +167,10 @@ def _read_model(path: Path, name: str) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
     except ValueError as error:
         raise _refused(error, name) from None
     _name_bodies(spec)
+    for joint in spec.joints:
+        # From nowhere to nowhere is no range, which MuJoCo writes as one from 0 to 0.
+        if np.isinf(joint.range).all():
+            joint.limited, joint.range = mujoco.mjtLimited.mjLIMITED_FALSE, [0.0, 0.0]
     return spec, remarks
 
 

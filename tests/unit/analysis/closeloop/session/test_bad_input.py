@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -9,8 +10,11 @@ from typer.testing import CliRunner
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.load import load_session
 from analysis.closeloop.loop import close_loop
-from analysis.closeloop.session.reading import said_of_unread
+from analysis.closeloop.session.mjcf import load_device
+from analysis.closeloop.session.reading import read_session, said_of_unread
+from models.mjcf.compiling import written
 from rehyb.cli import app
+from sim.effects.catalogue import BY_NAME
 from tests.testbed.sessions.bad import BAD, constant, csv_text, model, words
 from tests.testbed.sessions.small import HEADER, Folder, rows
 
@@ -55,6 +59,49 @@ def test_the_sound_session_is_read_and_what_nobody_reads_is_told(folder: Path) -
         "trials[0].groupe",
         "trials[0].added_mass.place",
     }
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        'limited="true" range="-inf inf"',
+        'range="-1e16 1e16"',
+        'actuatorfrcrange="-inf inf"',
+        'damping="1e6" armature="1e3" stiffness="1e7"',
+    ],
+)
+def test_a_joint_that_published_files_have_is_taken_and_written_as_it_is(
+    folder: Path, said: str
+) -> None:
+    model('name="elbow"', f'name="elbow" {said}')(folder)
+    device = load_device(read_session(folder, tuple(BY_NAME)))
+    again = mujoco.MjSpec.from_string(written(device.spec)).compile()
+    assert device.range("elbow")[1] in (0.0, pytest.approx(1e16))
+    assert again.jnt_limited.tolist() == device.model.jnt_limited.tolist()
+
+
+def test_numbers_of_a_urdf_file_have_the_same_bounds(folder: Path) -> None:
+    inertia = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
+    link = f'<inertial><mass value="1"/><inertia {inertia}/></inertial>'
+    joint = '<parent link="a"/><child link="b"/><dynamics damping="1e300"/>'
+    (folder / "device.xml").write_text(
+        f'<robot name="r"><link name="a"/><joint name="elbow" type="continuous">{joint}</joint>'
+        f'<link name="b">{link}</link></robot>'
+    )
+    with pytest.raises(SessionError, match=r"joint 'elbow' has damping=1e\+300"):
+        load_device(read_session(folder, tuple(BY_NAME)))
+
+
+def test_equations_without_a_solution_are_one_sentence_about_the_session(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr("analysis.closeloop.loop.trace", fails)
+    with pytest.raises(SessionError, match=r"session.json: .*SVD did not converge") as caught:
+        close_loop(folder, folder.parent / "out")
+    assert "\n" not in str(caught.value)
 
 
 def test_a_key_that_means_nothing_is_told_with_the_one_that_it_resembles() -> None:
