@@ -8,6 +8,9 @@ from http import HTTPStatus
 from importlib.util import find_spec
 from typing import Any
 
+#: What whoever named a path did wrong: nothing of the kind is there, or nobody may have it.
+WRONG_PATHS = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
+
 
 class RehybError(Exception):
     """Anything rehyb refuses or fails to do."""

@@ -15,6 +15,7 @@ from typing import IO, Self
 
 from models.tokens import usable
 from rehyb.errors import FleetError, Invalid
+from rehyb.whole_files import make_folder
 
 #: What `rehyb coordinator` prints once it accepts connections.
 LISTENING = re.compile(r"^listening on (https?://\S+:(\d+))", re.MULTILINE)
@@ -68,13 +69,7 @@ class LocalFleet:
         say: Callable[[str], object] = lambda _: None,
     ) -> None:
         self.directory = directory.resolve()
-        try:
-            self.directory.mkdir(parents=True, exist_ok=True)
-        except (FileExistsError, NotADirectoryError) as error:
-            raise Invalid(
-                f"{error.filename} is no folder, which a fleet needs for what it keeps: name one, "
-                "or one to be made"
-            ) from None
+        make_folder(self.directory, "a fleet")
         try:
             self.token = usable(token or "") or _kept_token(self.directory / "token")
         except ValueError as error:

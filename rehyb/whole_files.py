@@ -42,6 +42,26 @@ def whole_file(path: Path) -> Iterator[Path]:
             partial.unlink(missing_ok=True)
 
 
+def make_folder(path: Path, what: str) -> None:
+    """Make a folder, unless it is there.
+
+    Args:
+        path: of the folder.
+        what: who keeps things there, as "a fleet".
+
+    Raises:
+        Invalid: it is a file, or lies in one.
+        OSError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise Invalid(
+            f"{error.filename} is no folder, which {what} needs for what it keeps: name one, "
+            "or one to be made"
+        ) from None
+
+
 def write_json(path: Path, content: Any) -> None:
     """Write JSON, indented by two.
 

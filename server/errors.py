@@ -19,6 +19,10 @@ class ConflictError(CoordinatorError):
     """The request contradicts what is already so."""
 
 
+class WrongPathError(ConflictError):
+    """What a path leads to is not there, is not for this user, or is not what is taken."""
+
+
 class BadSettingError(CoordinatorError):
     """What an operator has set or typed cannot be."""
 

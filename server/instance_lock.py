@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from server.errors import ConflictError
+from server.errors import ConflictError, WrongPathError
 from server.store.database.engine import of_known_kind
 from server.store.database.files import make_private
 
@@ -19,7 +19,8 @@ def instance_lock(url: str) -> Iterator[None]:
     are lost with it: in the block, and in no other process, may it be open.
 
     Raises:
-        ConflictError: another process holds it, or the file cannot be opened.
+        ConflictError: another process holds it.
+        WrongPathError: the file cannot be opened.
         CoordinatorError: no database of ours has such a URL.
     """
     database = of_known_kind(url)
@@ -31,7 +32,7 @@ def instance_lock(url: str) -> Iterator[None]:
     try:
         file = path.open("ab")
     except OSError as error:
-        raise ConflictError(f"the database cannot be used: {path}: {error.strerror}") from error
+        raise WrongPathError(f"the database cannot be used: {path}: {error.strerror}") from error
     with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

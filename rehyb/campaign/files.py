@@ -11,7 +11,7 @@ from rehyb.campaign.decisions import nominal_value
 from rehyb.campaign.plans import Plan
 from rehyb.client import Json
 from rehyb.errors import CampaignError
-from rehyb.whole_files import write_json
+from rehyb.whole_files import make_folder, write_json
 
 MANIFEST = "campaign.json"
 #: The folder of every figure of the page as PNG.
@@ -108,9 +108,10 @@ def load_manifest(directory: Path, plan: Plan) -> Json:
 
     Raises:
         CampaignError: the directory holds a campaign with a different plan, or a broken manifest.
+        Invalid: it is a file.
     """
     path = directory / MANIFEST
-    directory.mkdir(parents=True, exist_ok=True)
+    make_folder(directory, "a campaign")
     if path.exists():
         manifest = _read(path)
         # A campaign that an earlier version began lacks what came later.

@@ -14,12 +14,9 @@ from rehyb.cli.answers import print_line
 from rehyb.cli.operate import database, pilots, services, tokens
 from rehyb.cli.study import analyses, files, precision, reports, studies, surrogates
 from rehyb.cli.study import control as control  # its commands join those of `studies`
-from rehyb.errors import Invalid, RehybError
+from rehyb.errors import WRONG_PATHS, Invalid, RehybError
 from rehyb.streams import print_any_character
 from rehyb.threads import limit_threads
-
-#: What whoever named a path did wrong: nothing of the kind is there, or nobody may have it.
-WRONG_PATHS = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
 
 app = typer.Typer(
     help="Simulate, sample and rank what makes a robot's arm-stiffness measurement wrong.",

@@ -5,19 +5,22 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from errno import ENOSPC
 from pathlib import Path
 
 from sqlalchemy.exc import DBAPIError
 
-from server.errors import ConflictError, SchemaError
+from server.errors import ConflictError, SchemaError, WrongPathError
 from server.instance_lock import instance_lock
 from server.operations.check import faults
 from server.store import create_engine, has_schema, upgrade
 from server.store.database.engine import of_known_kind
-from server.store.database.files import make_private
+from server.store.database.files import is_sqlite, make_private
 
 #: What SQLite keeps beside a file, and replays into whatever file it finds there.
 _BESIDE = ("-wal", "-shm", "-journal")
+#: What is restored.
+_WANTED = "name a copy by `rehyb db backup`"
 #: The byte of a `-shm` that every process locks as long as it has the database open.
 _OPEN_BYTE = 128
 
@@ -29,8 +32,8 @@ def restore(url: str, backup: Path) -> Path:
     is left of the old database's log goes first: SQLite would replay it into the new one.
 
     Raises:
-        ConflictError: somebody has the database open, the backup is not whole, or one of them is
-            no file of SQLite.
+        ConflictError: somebody has the database open, or the backup is not whole.
+        WrongPathError: the backup is not there, or no database of rehyb.
         CoordinatorError: no database of ours has such a URL.
     """
     database = of_known_kind(url)
@@ -38,9 +41,9 @@ def restore(url: str, backup: Path) -> Path:
         raise ConflictError("this is a PostgreSQL database: restore it with pg_restore")
     path = Path(os.path.realpath(str(database.database)))
     if not backup.is_file():
-        raise ConflictError(f"there is no backup {backup.absolute()}")
+        raise WrongPathError(_no_file(backup))
     if path.exists() and path.samefile(backup):
-        raise ConflictError(f"{backup} is the database itself: name a backup")
+        raise WrongPathError(f"{backup} is the database itself: name a backup")
     with _copied(backup, path) as copy:
         _make_current(copy, backup)
         with instance_lock(url):
@@ -50,6 +53,12 @@ def restore(url: str, backup: Path) -> Path:
                 file.unlink(missing_ok=True)
             copy.replace(path)
     return path
+
+
+def _no_file(backup: Path) -> str:
+    if not backup.exists():
+        return f"there is no backup {backup.absolute()}"
+    return f"{backup} is {'a folder' if backup.is_dir() else 'no regular file'}: {_WANTED}"
 
 
 @contextmanager
@@ -67,7 +76,7 @@ def _copied(backup: Path, path: Path) -> Iterator[Path]:
             make_private(copy)
             shutil.copyfile(backup, copy)
         except OSError as error:
-            raise ConflictError(
+            raise (ConflictError if error.errno == ENOSPC else WrongPathError)(
                 f"{backup} cannot be copied to the folder of {path}: {error.strerror}"
             ) from error
         if path.exists():
@@ -90,10 +99,13 @@ def _make_current(copy: Path, backup: Path) -> None:
     try:
         # An empty file would become an empty database.
         if not has_schema(engine):
-            raise ConflictError(f"{backup} is no database of rehyb")
+            raise WrongPathError(f"{backup} is no database of rehyb: {_WANTED}")
         upgrade(url)
         found = faults(engine)
     except DBAPIError as error:
+        if not is_sqlite(copy):
+            why = f"{backup} is no SQLite database ({error.orig}): {_WANTED}; nothing is replaced"
+            raise WrongPathError(why) from error
         raise ConflictError(
             f"{backup} cannot be used: {error.orig}; nothing is replaced"
         ) from error

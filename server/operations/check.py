@@ -3,6 +3,7 @@
 import hashlib
 import sqlite3
 from collections.abc import Iterator
+from errno import ENOSPC
 from pathlib import Path
 
 from sqlalchemy.engine import Connection, Engine
@@ -10,7 +11,7 @@ from sqlalchemy.exc import DBAPIError
 
 from analysis.closeloop.contract import REPORT_FILES
 from analysis.interpretation.contract import REPORT_FILES as INTERPRETATION_FILES
-from server.errors import ConflictError, DamagedError, NotFoundError
+from server.errors import ConflictError, DamagedError, NotFoundError, WrongPathError
 from server.records import CloseLoopJob, Study
 from server.states import CloseLoopState, JobKind, StudyState
 from server.store import audit, close_loops, sessions
@@ -58,17 +59,23 @@ def back_up(engine: Engine, path: Path) -> None:
     """Copy a SQLite database while it is in use; the copy is as of one moment.
 
     Raises:
-        ConflictError: the file exists or cannot be written, or the database is not SQLite.
+        ConflictError: the database is not SQLite, or there is no room.
+        WrongPathError: the file exists, or cannot be where it is to be.
         DamagedError: it has damaged pages.
     """
     if engine.dialect.name != "sqlite":
         raise ConflictError("this is a PostgreSQL database: back it up with pg_dump")
     if path.exists():
-        raise ConflictError(f"{path} exists: name a new file")
+        raise WrongPathError(
+            f"{path} is a folder: name a file in it"
+            if path.is_dir()
+            else f"{path} exists: name a new file"
+        )
     try:
         audit.copy(engine, path)
     except (OSError, sqlite3.OperationalError) as error:
-        raise ConflictError(
+        full = getattr(error, "errno", None) == ENOSPC or "full" in str(error)
+        raise (ConflictError if full else WrongPathError)(
             f"the copy {path.absolute()} cannot be written ({error}): name a file in a folder that "
             "is there, where you may write and room is"
         ) from error

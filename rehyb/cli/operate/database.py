@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rehyb.cli.answers import Answer, answering, file_written
-from rehyb.errors import Invalid, RehybError, needs_extra
+from rehyb.errors import WRONG_PATHS, Invalid, RehybError, needs_extra
 
 if TYPE_CHECKING:
     from sqlalchemy.engine import Engine
+    from sqlalchemy.exc import SQLAlchemyError
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +38,7 @@ _WHAT_NOW = (
 app = typer.Typer(help="The coordinator's database.", no_args_is_help=True)
 
 
-class NoDatabaseError(RehybError):
+class NoDatabaseError(Invalid):
     """There is no file of the database."""
 
 
@@ -238,20 +239,34 @@ def in_one_sentence(url: str | None = None) -> Iterator[None]:
     """
     from sqlalchemy.exc import SQLAlchemyError
 
-    from server.errors import BadSettingError, CoordinatorError
+    from server.errors import BadSettingError, CoordinatorError, WrongPathError
 
     try:
         yield
-    except BadSettingError as error:
+    except (BadSettingError, WrongPathError, *WRONG_PATHS) as error:
         raise Invalid(str(error)) from error
     except (CoordinatorError, OSError) as error:
         raise RehybError(str(error)) from error
     except SQLAlchemyError as error:
-        orig = getattr(error, "orig", None)
-        cause = str(orig or error).splitlines()[0]
-        code, file = getattr(orig, "sqlite_errorcode", 0) & 0xFF, _file(url or _url())
-        if code in _NOT_WRITABLE:
-            cause = f"{file}: {cause}; SQLite writes beside a file that it reads, too"
-        if code in _DAMAGED:
-            raise RehybError(f"{file} is damaged ({cause}): {_WHAT_NOW}") from error
-        raise RehybError(f"the database cannot be used: {cause}") from error
+        raise _said(error, _file(url or _url())) from error
+
+
+def _said(error: "SQLAlchemyError", file: Path) -> RehybError:
+    """Return what SQLAlchemy raised of the database, which `file` is if it is SQLite's."""
+    from server.store.database.files import is_sqlite
+
+    orig = getattr(error, "orig", None)
+    cause = str(orig or error).splitlines()[0]
+    code = getattr(orig, "sqlite_errorcode", 0)
+    if code & 0xFF in _DAMAGED:
+        if is_sqlite(file):
+            return RehybError(f"{file} is damaged ({cause}): {_WHAT_NOW}")
+        return Invalid(f"{file} is no SQLite database of rehyb ({cause}): name another file")
+    if code & 0xFF in _NOT_WRITABLE and code != sqlite3.SQLITE_READONLY_DBMOVED:
+        why = f"{cause}; SQLite writes beside a file that it reads, too"
+        if file.is_dir():
+            why = "is a folder; name a file"
+        elif not file.parent.is_dir():
+            why = f"there is no folder {file.parent}"
+        return Invalid(f"the database cannot be used: {file}: {why}")
+    return RehybError(f"the database cannot be used: {cause}")

@@ -12,6 +12,8 @@ BUSY_SECONDS = 30
 #: Pages (of 4 kB) of SQLite's write-ahead log. With its own 1000 a busy coordinator would wait for
 #: the disk every hundredth transaction.
 LOG_PAGES = 10_000
+#: How its files begin.
+_MAGIC = b"SQLite format 3\0"
 
 
 def make_private(path: Path) -> None:
@@ -22,6 +24,15 @@ def make_private(path: Path) -> None:
     # One that is there is not even opened: to close it again would end SQLite's locks on it.
     with suppress(OSError):
         os.close(os.open(os.path.realpath(path), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
+
+
+def is_sqlite(path: Path) -> bool:
+    """Whether a file says at its beginning that it is of SQLite, whole or not."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(_MAGIC)) == _MAGIC
+    except OSError:
+        return False
 
 
 class OpenedFile:

@@ -107,21 +107,22 @@ def test_nothing_is_restored_while_a_coordinator_or_another_process_has_the_data
 
 
 @pytest.mark.parametrize(
-    ("damage", "said"),
+    ("damage", "ends", "said"),
     [
-        (lambda backup: backup.unlink(), "there is no backup"),
-        (lambda backup: os.truncate(backup, 0), "is no database of rehyb"),
-        (lambda backup: backup.write_bytes(b"x" * 9000), "file is not a database"),
-        (lambda backup: os.truncate(backup, 40_000), "malformed"),
-        (lambda backup: shutil.copy(backup, f"{backup}-wal"), "is in use, or no copy"),
+        (lambda backup: backup.unlink(), 2, "there is no backup"),
+        (lambda backup: (backup.unlink(), backup.mkdir()), 2, "backup is a folder: name a copy"),
+        (lambda backup: os.truncate(backup, 0), 2, "is no database of rehyb: name a copy"),
+        (lambda backup: backup.write_bytes(b"x" * 9000), 2, "is no SQLite database (file is not"),
+        (lambda backup: os.truncate(backup, 40_000), 1, "malformed"),
+        (lambda backup: shutil.copy(backup, f"{backup}-wal"), 1, "is in use, or no copy"),
     ],
 )
 def test_a_backup_that_is_not_whole_replaces_nothing(
-    file: Path, run: Run, damage: Callable[[Path], object], said: str
+    file: Path, run: Run, damage: Callable[[Path], object], ends: int, said: str
 ) -> None:
     damage(file.with_name("backup"))
     status, out, err = run("db", "restore", str(file.with_name("backup")))
-    assert (status, out) == (1, "") and said in err and err.count("\n") == 1
+    assert (status, out) == (ends, "") and said in err and err.count("\n") == 1
     assert not list(file.parent.glob("*.partial*"))
     assert "written_since" in tables(file)
 
@@ -131,12 +132,12 @@ def test_a_folder_that_takes_no_copy_is_one_sentence(
 ) -> None:
     monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{file}/none")
     status, _, err = run("db", "restore", str(file.with_name("backup")))
-    assert status == 1 and err.endswith(f"to the folder of {file}/none: Not a directory\n")
+    assert status == 2 and err.endswith(f"to the folder of {file}/none: Not a directory\n")
 
 
 def test_a_database_is_no_backup_of_itself(file: Path, run: Run) -> None:
     assert run("db", "restore", str(file)) == (
-        1,
+        2,
         "",
         f"rehyb: {file} is the database itself: name a backup\n",
     )

@@ -159,12 +159,10 @@ def test_a_second_coordinator_on_one_file_is_refused(tmp_path: Path) -> None:
 def test_of_a_damaged_database_a_check_names_the_file_and_what_to_do(
     damaged: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for content in (damaged.read_bytes(), b"no database" * 1000):
-        damaged.write_bytes(content)
-        monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{damaged}")
-        monkeypatch.setattr("sys.argv", ["rehyb", "db", "check"])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = "".join(capsys.readouterr())
-        assert ended.value.code == 1
-        assert str(damaged) in said and "go back to a copy of `rehyb db backup`" in said
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{damaged}")
+    monkeypatch.setattr("sys.argv", ["rehyb", "db", "check"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = "".join(capsys.readouterr())
+    assert ended.value.code == 1
+    assert str(damaged) in said and "go back to a copy of `rehyb db backup`" in said

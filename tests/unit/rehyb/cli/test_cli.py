@@ -189,14 +189,12 @@ def test_a_database_that_cannot_be_opened_is_one_sentence_that_names_its_file(
     run: Run, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    # SQLite cannot open a folder either, nor a file on a file system that is read only.
     (tmp_path / "a.sqlite3").mkdir()
     monkeypatch.setenv("REHYB_DATABASE_URL", "sqlite:///a.sqlite3")
     status, _, err = run(*command.split())
     assert (status, err) == (
-        1,
-        f"rehyb: the database cannot be used: {tmp_path}/a.sqlite3: unable to open database file; "
-        "SQLite writes beside a file that it reads, too\n",
+        2,
+        f"rehyb: the database cannot be used: {tmp_path}/a.sqlite3: is a folder; name a file\n",
     )
 
 
@@ -206,7 +204,8 @@ def test_of_a_copy_the_database_that_cannot_be_opened_is_named(
     monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{tmp_path / 'a.sqlite3'}")
     run("db", "upgrade")
     status, _, err = run("db", "copy", f"sqlite:///{tmp_path}/none/b")
-    assert status == 1 and f"cannot be used: {tmp_path}/none/b: unable to open" in err
+    assert status == 2
+    assert f"cannot be used: {tmp_path}/none/b: there is no folder {tmp_path}/none\n" in err
 
 
 @pytest.mark.parametrize("url", ["sqlite://", "sqlite:///:memory:"])
@@ -241,7 +240,7 @@ def test_a_backup_that_cannot_be_written_is_one_sentence_with_its_place(
     run("db", "upgrade")
     (tmp_path / "file").touch()
     status, _, err = run("db", "backup", str(tmp_path / place))
-    assert status == 1 and len(err.splitlines()) == 1
+    assert status == 2 and len(err.splitlines()) == 1
     assert err.startswith(f"rehyb: the copy {tmp_path / place} cannot be written (")
     assert "name a file in a folder that is there" in err
 
@@ -265,7 +264,7 @@ def test_no_empty_database_is_made_beside_the_one_that_was_meant(
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("REHYB_DATABASE_URL", raising=False)
     status, _, err = run(*command.split())
-    assert status == 1 and "there is no database" in err and ".rehyb/rehyb.sqlite3" in err
+    assert status == 2 and "there is no database" in err and ".rehyb/rehyb.sqlite3" in err
     assert not list(tmp_path.glob("*.sqlite3"))
 
 

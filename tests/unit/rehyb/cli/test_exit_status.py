@@ -39,6 +39,71 @@ def test_what_is_not_there_or_not_what_a_command_takes_is_status_2(
     assert (status, out) == (2, "") and err and "Traceback" not in err
 
 
+@pytest.mark.parametrize(
+    ("database", "said"),
+    [
+        ("nothere.sqlite3", "there is no database"),
+        ("folder", "is a folder"),
+        ("log.csv", "log.csv is no SQLite database of rehyb (file is not a database)"),
+    ],
+)
+@pytest.mark.parametrize(
+    "command", ["db check", "db backup b", "token list", "token create anna --scope read"]
+)
+def test_a_database_that_is_none_is_status_2_and_nobody_is_sent_to_a_backup(
+    command: str,
+    database: str,
+    said: str,
+    run: Run,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("log.csv").write_text(LOG)
+    Path("folder").mkdir()
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{database}")
+    status, out, err = run(*command.split())
+    assert (status, out) == (2, "") and said in err and "restore" not in err
+    assert err.count("\n") == 1
+
+
+def test_a_coordinator_on_a_text_file_is_told_that_it_is_no_database(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "log.csv").write_text(LOG)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{tmp_path}/log.csv")
+    status, _, err = run("coordinator")
+    assert status == 2 and "log.csv is no SQLite database of rehyb" in err
+    assert "restore" not in err and (tmp_path / "log.csv").read_text() == LOG
+
+
+@pytest.mark.parametrize("file", ["log.csv", "folder"])
+def test_a_backup_onto_what_is_there_is_status_2(
+    file: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("REHYB_DATABASE_URL", "sqlite:///a.sqlite3")
+    run("db", "upgrade")
+    Path("log.csv").write_text(LOG)
+    Path("folder").mkdir()
+    status, _, err = run("db", "backup", file)
+    assert status == 2 and ("exists" in err or "is a folder: name a file in it" in err)
+
+
+def test_a_file_as_the_folder_of_a_campaign_is_status_2_and_says_what_is_needed(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("log.csv").write_text(LOG)
+    status, _, err = run("campaign", "run", "--directory", "log.csv")
+    assert status == 2
+    assert err == (
+        "rehyb: log.csv is no folder, which a campaign needs for what it keeps: name one, or one "
+        "to be made\n"
+    )
+
+
 @pytest.mark.parametrize("command", ["study list", "study show s1", "report s1 --out r.html"])
 def test_a_coordinator_that_is_away_is_status_1(
     command: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
