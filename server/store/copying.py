@@ -3,14 +3,16 @@
 Values go over as they are stored: numbers with all their bits, JSON as the text that it is.
 """
 
+import sqlite3
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql
 from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.exc import OperationalError
 
-from server.errors import ConflictError
+from server.errors import ConflictError, DamagedError
 from server.store.database.engine import reading, writing
 from server.store.database.prepared import text
 from server.store.database.schema import leases, metadata
@@ -28,6 +30,7 @@ def copy(source: Engine, target: Engine, on_table: Callable[[str, int], None]) -
 
     Raises:
         ConflictError: the target holds something.
+        DamagedError: a table of the source cannot be read.
     """
     with reading(source) as old, writing(target) as new:
         for table in metadata.sorted_tables:
@@ -78,10 +81,23 @@ def _adding(table: sa.Table, dialect: str) -> sa.Insert:
 
 def _pages(old: Connection, table: sa.Table) -> Iterator[list[dict[str, Any]]]:
     columns = [text(column) if isinstance(column.type, sa.JSON) else column for column in table.c]
-    # The server keeps what was not asked for yet: a study may have millions of results.
-    found = old.execution_options(yield_per=PAGE).execute(sa.select(*columns))
-    for page in found.partitions():
-        yield [dict(row._mapping) for row in page]
+    try:
+        # The server keeps what was not asked for yet: a study may have millions of results.
+        found = old.execution_options(yield_per=PAGE).execute(sa.select(*columns))
+        for page in found.partitions():
+            yield [dict(row._mapping) for row in page]
+    except sqlite3.OperationalError as error:
+        raise _unreadable(table, error) from error
+    except OperationalError as error:
+        if old.dialect.name != "sqlite":
+            raise
+        raise _unreadable(table, error.orig) from error
+
+
+def _unreadable(table: sa.Table, error: BaseException | None) -> DamagedError:
+    # What cannot be decoded is quoted by SQLite, and is somebody's.
+    why, _, _ = " ".join(str(error).split()).partition(" with text ")
+    return DamagedError(f"table {table.name}: {why}")
 
 
 def _go_on_counting(old: Connection, new: Connection) -> None:

@@ -5,8 +5,9 @@ import os
 import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,6 +24,9 @@ log = logging.getLogger(__name__)
 
 #: Seconds between two looks for a database that a coordinator has yet to make.
 LOOK_SECONDS = 1.0
+
+#: What a look for damage before an upgrade may take; that of a large file takes longer.
+LOOK_FOR_DAMAGE_SECONDS = 10.0
 
 #: What SQLite answers where it may not write, or cannot; it does not say to what.
 _NOT_WRITABLE = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
@@ -47,9 +51,11 @@ class NoDatabaseError(Invalid):
 def upgrade() -> Answer:
     """Bring the database at REHYB_DATABASE_URL to this version's schema."""
     with needs_extra("the database", "server"):
+        from server.operations.check import refuse_damage
         from server.store import upgrade
 
     with in_one_sentence():
+        refuse_damage(_url(), seconds=LOOK_FOR_DAMAGE_SECONDS)
         upgrade(_url())
     return Answer({"upgraded": True}, "the database has the schema of this version")
 
@@ -129,6 +135,8 @@ def copy(
         instance_lock(_url()),
         opened() as source,
         in_one_sentence(target),
+        _refusing_damage(source),
+        _undone(target),
     ):
         try:
             upgrade(target)
@@ -151,6 +159,37 @@ def copy(
         )
     answer = {"rows": counts, "faults": found, "other_sessions": others}
     return Answer(answer, text, status=1 if found else 0)
+
+
+@contextmanager
+def _refusing_damage(source: "Engine") -> Iterator[None]:
+    """Look for damage of a SQLite file before the block, which may find more."""
+    from server.errors import DamagedError
+    from server.store.audit import damage
+    from server.store.database.engine import reading
+
+    try:
+        with reading(source) as connection:
+            fault = damage(connection, seconds=inf)
+        if fault is not None:
+            raise DamagedError(" ".join(fault.split()))
+        yield
+    except DamagedError as error:
+        raise RehybError(f"{_file(_url())} is damaged ({error}): {_WHAT_NOW}") from error
+
+
+@contextmanager
+def _undone(target: str) -> Iterator[None]:
+    """Remove the SQLite file that a block made that fails."""
+    file = _file(target)
+    made = target.startswith("sqlite:///") and not file.exists()
+    try:
+        yield
+    except BaseException:
+        for ending in ("", "-wal", "-shm", "-journal") if made else ():
+            with suppress(OSError):
+                Path(f"{file}{ending}").unlink(missing_ok=True)
+        raise
 
 
 @contextmanager

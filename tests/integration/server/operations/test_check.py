@@ -166,3 +166,47 @@ def test_of_a_damaged_database_a_check_names_the_file_and_what_to_do(
     said = "".join(capsys.readouterr())
     assert ended.value.code == 1
     assert str(damaged) in said and "go back to a copy of `rehyb db backup`" in said
+
+
+@pytest.mark.parametrize("command", ["copy", "upgrade"])
+def test_a_damaged_database_is_neither_copied_nor_upgraded(
+    command: str,
+    damaged: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    target = damaged.with_name("copy")
+    given = [f"sqlite:///{target}"] if command == "copy" else []
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{damaged}")
+    monkeypatch.setattr("sys.argv", ["rehyb", "db", command, *given])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr().err
+    assert ended.value.code == 1 and said.count("\n") == 1
+    assert "is damaged (" in said and "go back to a copy of `rehyb db backup`" in said
+    assert not list(damaged.parent.glob("copy*"))
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_what_cannot_be_copied_is_not_told_and_no_half_of_a_copy_stays(
+    there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, target = tmp_path / "rehyb.sqlite3", tmp_path / "copy"
+    upgrade(f"sqlite:///{file}")
+    if there:
+        upgrade(f"sqlite:///{target}")
+    with closing(sqlite3.connect(file)) as opened:
+        opened.execute(
+            "INSERT INTO tokens (id, name, digest, scopes, created_at) "
+            "VALUES ('t', 'somebody' || CAST(X'FFFE' AS TEXT), 'd', '[]', 0)"
+        )
+        opened.commit()
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{file}")
+    monkeypatch.setattr("sys.argv", ["rehyb", "db", "copy", f"sqlite:///{target}"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr().err
+    assert ended.value.code == 1 and said.count("\n") == 1
+    assert f"{file} is damaged (table tokens: " in said and "somebody" not in said
+    assert "go back to a copy of `rehyb db backup`" in said
+    assert bool(list(tmp_path.glob("copy*"))) == there
