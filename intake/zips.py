@@ -55,20 +55,29 @@ def unpack(path: Path, folder: Path, limits: Limits, wrong: Wrong) -> None:
         members = [one for one in archive.infolist() if not one.filename.endswith("/")]
         if len(members) > limits.files:
             raise wrong(f"holds {len(members)} files; at most {limits.files}")
-        seen: set[str] = set()
+        seen: dict[str, str] = {}
         left = limits.unpacked
         for member in members:
             inner = _checked(member, limits, wrong)
             # Some file systems do not tell capitals apart.
-            if inner.lower() in seen:
-                raise wrong(f"holds {inner[:60]!r} twice")
-            seen.add(inner.lower())
+            before = seen.setdefault(inner.lower(), inner)
+            if before is not inner:
+                raise wrong(_twice(before, inner))
             try:
                 left -= _write(archive, member, folder / inner, left, limits, wrong)
             except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError):
                 raise wrong(f"{inner[:60]!r} in it is damaged") from None
             except (FileExistsError, NotADirectoryError, IsADirectoryError):
                 raise wrong(f"{inner[:60]!r} is a file and a folder in it") from None
+
+
+def _twice(one: str, other: str) -> str:
+    if one == other:
+        return f"holds {one[:60]!r} twice"
+    return (
+        f"holds {one[:60]!r} and {other[:60]!r}, which differ in capitals alone: not every file "
+        "system tells them apart; rename one"
+    )
 
 
 def only_folder(folder: Path, file: str) -> Path | None:

@@ -98,6 +98,8 @@ _IS: Mapping[str, Callable[[Path], bool]] = {
     "record": _is_record,
     # What is there to be changed by hand is nobody's but the hand's.
     "draft": lambda _: False,
+    # Beside no file by which it would be known.
+    "other": lambda _: False,
 }
 
 
@@ -119,10 +121,10 @@ def check_own(path: Path, kind: str) -> None:
     """
     # To what is no regular file, whoever writes says so.
     if path.is_file() and not is_own(path, kind):
-        raise Invalid(
-            f"{path} is there already, and not as this command writes it: name another file, or "
-            "remove it"
-        )
+        why = "not as this command writes it"
+        if kind == "draft":
+            why = "may have been changed by hand, so it is never written over"
+        raise Invalid(f"{path} is there already, and {why}: name another file, or remove it")
 
 
 def check_own_files(folder: Path, names: Iterable[str], *, by: str, kind: str) -> None:
@@ -142,4 +144,4 @@ def check_own_files(folder: Path, names: Iterable[str], *, by: str, kind: str) -
     if is_own(folder / by, kind):
         return
     for name in names:
-        check_own(folder / name, "draft")
+        check_own(folder / name, kind if kind == "draft" else "other")

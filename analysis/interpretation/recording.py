@@ -3,12 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from zipfile import is_zipfile
 
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.archive import opened
 from analysis.closeloop.session.contents import NOMINAL, Session, Trial
+from analysis.closeloop.session.files import SESSION_FILE
 from analysis.closeloop.session.mjcf import load_device as session_device
 from analysis.closeloop.session.reading import read_session
 from analysis.closeloop.session.trial_csv import read_trial
@@ -34,6 +36,8 @@ MOTION = ("time", "theta", "theta_velocity", "motor_torque")
 ARRAYS = (*MOTION, "device", "exo_joint", "joint")
 #: Effects by which a recording looks like that of another limb.
 LOADS = ("payload", "added_inertia")
+#: Of a log, a part of a session and a broken zip file a session's reader says more.
+_SAID = (".csv", ".json", ".zip")
 #: Fewest samples of a recording.
 LEAST_SAMPLES = 10
 
@@ -121,6 +125,11 @@ def read_recording(path: Path) -> Recording:
         return _from_archive(path)
     if not path.exists():
         raise InterpretationError(f"{path}: there is no such file or folder")
+    if path.is_file() and path.suffix not in _SAID and not is_zipfile(path):
+        raise InterpretationError(
+            f"{path} is no recording: take a file of `rehyb assess --record` (.npz), or a measured "
+            f"session, a folder with {SESSION_FILE} or its zip file"
+        )
     try:
         with opened(path) as folder:
             return _from_session(folder)

@@ -64,6 +64,8 @@ async def sign_in(body: SignInBody, request: Request, store: Store, now: Now) ->
     knows: SignIn = request.app.state.sign_in
     if not comes_from_here(request.headers):
         return problem(HTTPStatus.FORBIDDEN, "only this coordinator's own page signs in")
+    if body.token is None and body.code is None:
+        return problem(HTTPStatus.UNPROCESSABLE_ENTITY, "send token or code")
     address = request.client.host if request.client else ""
     secret = (body.token or "").strip().encode()
     operator = hmac.compare_digest(secret, knows.token)

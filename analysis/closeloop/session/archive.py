@@ -8,6 +8,7 @@ from pathlib import Path
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.session.files import SESSION_FILE
+from intake.xml import listed
 from intake.zips import Limits, only_folder, unpack
 
 LIMITS = Limits(
@@ -46,5 +47,18 @@ def unpacked(path: Path) -> Iterator[Path]:
         unpack(path, folder, LIMITS, wrong)
         found = only_folder(folder, SESSION_FILE)
         if found is None:
-            raise wrong(f"holds no {SESSION_FILE}")
+            raise wrong(_elsewhere(folder))
         yield found
+
+
+def _elsewhere(folder: Path) -> str:
+    """Say why a folder that was packed is no session."""
+    inner = sorted(
+        path.parent.relative_to(folder).as_posix() for path in folder.rglob(SESSION_FILE)
+    )
+    if not inner:
+        return f"holds no {SESSION_FILE}"
+    return (
+        f"holds {SESSION_FILE} in {listed(inner)}, and has to hold one session alone: its files, "
+        "or the one folder that they are in"
+    )

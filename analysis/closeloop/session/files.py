@@ -44,7 +44,10 @@ def inside(folder: Path, name: str, *, field_name: str) -> Path:
     if not within:
         raise wrong(f"{name!r} leaves the session's folder; keep every file inside it")
     if not there:
-        why = f"there is no such file in {folder.name or folder}" + (
+        what = f"there is no such file in {folder.name or folder}"
+        if path.exists():
+            what = "is a folder, not a file" if path.is_dir() else "is no regular file"
+        why = what + (
             "" if name == SESSION_FILE else f", but {SESSION_FILE} names it as {field_name}"
         )
         raise SessionError(why, file=name)

@@ -137,7 +137,10 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "a model of zero bytes in its name": (words(model="a\0b"), "relative path"),
     "a model of half a letter": (words(model="\ud800.xml"), "cannot be the name of a file"),
     "a model too long to be a name": (words(model="x" * 5000), "cannot be the name of a file"),
-    "a folder for a model": (words(model="."), "no such file"),
+    "a folder for a model": (
+        words(model="."),
+        "is a folder, not a file, but .* names it",
+    ),
     "a model on a drive": (words(model="C:device.xml"), "relative path"),
     "a model on another machine": (words(model="\\\\host\\device.xml"), "relative path"),
     "a model two folders up": (words(model="sub/../../device.xml"), "leaves the session's folder"),

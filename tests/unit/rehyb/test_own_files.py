@@ -41,6 +41,26 @@ def test_a_command_replaces_what_it_wrote_and_no_other_file(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["again", "mine"]
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "study with-effect nothere.json --out {}/model.toml",
+        "study of-session nothere nothere --out {}",
+    ],
+)
+def test_what_may_have_been_changed_by_hand_is_said_to_be_never_written_over(
+    command: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "model.toml").write_text("")
+    monkeypatch.setattr("rehyb.cli.close_loop.effect_study", lambda *_, **__: {})
+    status, out, err = run(*command.format(tmp_path).split())
+    assert (status, out) == (2, "")
+    assert err == (
+        f"rehyb: {tmp_path}/model.toml is there already, and may have been changed by hand, so it "
+        "is never written over: name another file, or remove it\n"
+    )
+
+
 def test_a_report_goes_neither_into_a_sessions_folder_nor_over_files_that_are_no_report(
     run: Run, tmp_path: Path
 ) -> None:

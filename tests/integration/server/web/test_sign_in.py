@@ -191,7 +191,15 @@ def test_the_code_of_a_token_that_was_revoked_is_no_good(
     assert answer.status_code == 401 and "set-cookie" not in answer.headers
 
 
-@pytest.mark.parametrize("body", [{}, {"token": None}, {"token": "ä" * 9}, {"code": ""}])
+@pytest.mark.parametrize("body", [{}, {"token": None}, {"code": None}])
+def test_who_sends_neither_token_nor_code_is_told_what_to_send(
+    browser: TestClient, body: dict[str, None]
+) -> None:
+    answer = browser.post("/sign-in", json=body, headers=HERE)
+    assert answer.status_code == 422 and answer.json()["detail"] == "send token or code"
+
+
+@pytest.mark.parametrize("body", [{"token": ""}, {"token": "ä" * 9}, {"code": ""}])
 def test_what_is_neither_token_nor_code_signs_nobody_in(
     browser: TestClient, body: dict[str, str | None]
 ) -> None:

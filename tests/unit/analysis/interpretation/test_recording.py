@@ -107,6 +107,12 @@ def test_what_is_no_recording_is_one_sentence(tmp_path: Path) -> None:
         read_recording(tmp_path / "a.zip")
 
 
+def test_of_a_file_of_another_kind_it_is_said_what_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("elbow")
+    with pytest.raises(InterpretationError, match=r"notes\.txt is no recording: .*npz.*session"):
+        read_recording(tmp_path / "notes.txt")
+
+
 def test_a_session_without_velocities_is_one_sentence(record: Record, tmp_path: Path) -> None:
     with pytest.raises(InterpretationError, match=r"down\.csv has no J1\.velocity"):
         read_recording(written_session(tmp_path, record, without=".velocity"))

@@ -4,6 +4,7 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
+from analysis.closeloop.contract import REPORT_FILES
 from server.operations.fleet import leases
 from tests.testbed.clock import Clock
 from tests.testbed.coordinators.close_loop_bodies import (
@@ -35,6 +36,23 @@ def test_silence_hands_the_job_to_another_and_a_late_report_still_counts(
     assert shown(client, job)["verdict"] == "effect_found"
     renewal = {"lease": second["lease"], "fence": second["fence"]}
     is_problem(client.post(f"{path}/renew", json=renewal), 409)
+
+
+def test_a_form_with_too_many_files_is_told_which_ones_a_report_has(
+    client: TestClient, session: str
+) -> None:
+    asked(client, session)
+    lease = held(client)
+    path = f"/v1/close-loops/{lease['id']}/report"
+    proof = {"lease": lease["lease"], "fence": lease["fence"], "worker": "w", "code": "0" * 16}
+    doubled = [(name, (name, b"x")) for name in (*REPORT_FILES, "report.html")]
+    answer = client.post(path, params=proof, files=doubled)
+    is_problem(answer, 400)
+    assert "The form must have the files report.json, " in answer.json()["detail"]
+    assert answer.json()["detail"].endswith("each once.")
+    answer = client.post("/v1/sessions", files=doubled)
+    is_problem(answer, 400)
+    assert "The form must have one file" in answer.json()["detail"]
 
 
 def test_only_who_holds_a_lease_is_heard(client: TestClient, session: str) -> None:

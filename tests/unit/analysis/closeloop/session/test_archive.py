@@ -105,8 +105,20 @@ def test_too_many_files_are_refused(tmp_path: Path) -> None:
 
 
 def test_one_name_twice_is_refused(tmp_path: Path) -> None:
-    refused(zipped(tmp_path / "s.zip", {"a.csv": b"1", "A.csv": b"2"}), "twice")
+    refused(
+        zipped(tmp_path / "s.zip", {"a.csv": b"1", "A.csv": b"2"}),
+        "holds 'a.csv' and 'A.csv', which differ in capitals alone",
+    )
+    again = zipped(tmp_path / "u.zip", {"a.csv": b"1", "b.csv": b"2"})
+    again.write_bytes(again.read_bytes().replace(b"b.csv", b"a.csv"))
+    refused(again, "holds 'a.csv' twice")
     refused(zipped(tmp_path / "t.zip", {"a": b"1", "a/b.csv": b"2"}), "a file and a folder")
+
+
+def test_of_two_sessions_in_one_file_it_is_said_where_they_are(tmp_path: Path) -> None:
+    both = {"b/session.json": b"{}", "a/session.json": b"{}"}
+    refused(zipped(tmp_path / "s.zip", both), "holds session.json in a, b, and has to hold one")
+    refused(zipped(tmp_path / "t.zip", {"a/x.csv": b""}), "holds no session.json")
 
 
 def test_an_encrypted_file_is_refused(tmp_path: Path) -> None:
@@ -144,7 +156,7 @@ def test_a_part_of_a_session_and_a_log_are_told_from_one(tmp_path: Path) -> None
 
 
 def test_a_zip_without_a_session_is_said(tmp_path: Path) -> None:
-    refused(zipped(tmp_path / "s.zip", {"x/a.csv": b"", "y/session.json": b""}), "holds no session")
+    refused(zipped(tmp_path / "s.zip", {"x/a.csv": b"", "y/session.json": b""}), "json in y, ")
 
 
 def packed_by(content: bytes, method: int) -> bytes:

@@ -1,5 +1,6 @@
 """Every bad input of the contract: one error with file, column and line, and nothing written."""
 
+import os
 from pathlib import Path
 
 import mujoco
@@ -78,6 +79,20 @@ def test_a_joint_that_published_files_have_is_taken_and_written_as_it_is(
     again = mujoco.MjSpec.from_string(written(device.spec)).compile()
     assert device.range("elbow")[1] in (0.0, pytest.approx(1e16))
     assert again.jnt_limited.tolist() == device.model.jnt_limited.tolist()
+
+
+@pytest.mark.parametrize("name", ["a.csv", "device.xml", "session.json"])
+def test_what_is_no_file_is_not_said_to_be_missing(folder: Path, name: str) -> None:
+    for make, said in (
+        (Path.mkdir, "is a folder"),
+        (os.mkfifo, "is no regular file"),
+    ):
+        (folder / name).unlink()
+        make(folder / name)
+        with pytest.raises(SessionError, match=f"^{name}: {said}"):
+            load_session(folder)
+        (folder / name).rmdir() if make is Path.mkdir else None
+        (folder / name).touch()
 
 
 def test_numbers_of_a_urdf_file_have_the_same_bounds(folder: Path) -> None:
