@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rehyb.client.connection import Connection, Json, path_of
+from rehyb.client.connection import Connection, Json, as_path, path_of
 
 
 class Analyses(Connection):
@@ -25,7 +25,7 @@ class Analyses(Connection):
         Raises:
             Invalid: it cannot be analysed; the message names column and line.
         """
-        path = Path(table)
+        path = as_path(table)
         params = {"name": path.name, "output": list(outputs), "factor": list(factors or ())}
         with path.open("rb") as file:
             return self._post("/v1/analyses", content=file, params=params)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
-from rehyb.client.connection import Connection, Json, path_of
+from rehyb.client.connection import Connection, Json, as_path, path_of
 from rehyb.client.packing import packed, plain_name
 from rehyb.client.states import JobKind, JobState
 from rehyb.client.studies import POLL_SECONDS
@@ -56,7 +56,7 @@ class CloseLoops(Connection):
         body = {"known": measured, "tolerance": tolerance, "bank": bank}
         return self._json("POST", path_of("sessions", session_id, "interpretation"), body)
 
-    def interpretation_file(self, interpretation_id: str, file: str, path: Path) -> None:
+    def interpretation_file(self, interpretation_id: str, file: str, path: Path | str) -> None:
         """Write "report.json" or "report.html" of an interpretation to `path`."""
         self._download(path_of(INTERPRETATIONS, interpretation_id, file), path)
 
@@ -64,7 +64,7 @@ class CloseLoops(Connection):
         """Return a job's report; before it is there ("state" is not "done"), how far the job is."""
         return self._json("GET", path_of(CLOSE_LOOPS, close_loop_id))
 
-    def close_loop_file(self, close_loop_id: str, file: str, path: Path) -> None:
+    def close_loop_file(self, close_loop_id: str, file: str, path: Path | str) -> None:
         """Write one of the REPORT_FILES of `analysis.closeloop.contract` to `path`."""
         self._download(path_of(CLOSE_LOOPS, close_loop_id, file), path)
 
@@ -130,7 +130,7 @@ class CloseLoops(Connection):
         return self._json("POST", path_of(CLOSE_LOOPS, job["id"], "failure"), body)
 
     def hand_in_report(
-        self, job: Mapping[str, Any], folder: Path, *, worker: str, code: str
+        self, job: Mapping[str, Any], folder: Path | str, *, worker: str, code: str
     ) -> Json:
         """Hand in the files in `folder` as a leased job's report; `code` made them."""
         from analysis.closeloop.contract import REPORT_FILES
@@ -142,7 +142,7 @@ class CloseLoops(Connection):
         path = path_of(CLOSE_LOOPS, job["id"], "report") + f"?{urlencode(proof)}"
         with ExitStack() as stack:
             files = {
-                name: (name, stack.enter_context((folder / name).open("rb")))
+                name: (name, stack.enter_context((as_path(folder) / name).open("rb")))
                 for name in (INTERPRETATION_FILES if interprets else REPORT_FILES)
             }
             return self._post(path, files=files)

@@ -231,13 +231,14 @@ class Connection:
         return f"what listens there speaks TLS: write https{self.url.removeprefix('http')}"
 
     def _download(
-        self, path: str, target: Path, on_chunk: Callable[[], object] = lambda: None
+        self, path: str, target: Path | str, on_chunk: Callable[[], object] = lambda: None
     ) -> None:
         """Write what `path` answers to `target`; a download cut short leaves no file behind."""
+        file_at = as_path(target)
         try:
             with (
                 self._http.stream("GET", path, timeout=self._patience(self._timeout)) as response,
-                whole_file(target) as partial,
+                whole_file(file_at) as partial,
                 partial.open("wb") as file,
             ):
                 self._heard(Answer(response.status_code, b"", path, response.headers.raw))
@@ -296,15 +297,27 @@ def _faulty(body: Any, deep: int) -> Iterator[str]:
             return
 
 
+def as_path(path: Path | str) -> Path:
+    """Return a path that somebody gave; Invalid if it is none."""
+    try:
+        return Path(path)
+    except TypeError:
+        kind = type(path).__name__
+        raise Invalid(f"a path is a text or a pathlib.Path, not {kind}") from None
+
+
 def path_of(place: str, its_id: str, *below: object) -> str:
     """Return the path of what has an id at a place, as "studies", or of something below it.
 
     Raises:
+        Invalid: it is no text.
         NotFound: nothing there has such an id. It is not asked about: servers turn %2F back into a
             slash before they look which route it is, so no quoting makes one part of it.
     """
+    one = "study" if place == "studies" else place.removesuffix("s")
+    if not isinstance(its_id, str):
+        raise Invalid(f"the id of a {one} is a text, not {type(its_id).__name__}")
     if not _ID.fullmatch(its_id):
-        one = "study" if place == "studies" else place.removesuffix("s")
         raise NotFound(f"there is no {one} {its_id[:80]!r}")
     return "/".join(("/v1", place, its_id, *map(str, below)))
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from models.description import Description
-from rehyb.client.connection import Connection, Json, path_of
+from rehyb.client.connection import Connection, Json, as_path, path_of
 
 #: What a coordinator tells of a model beside its description.
 _BESIDE = ("own", "announced_by", "announced_at")
@@ -29,14 +29,14 @@ class Models(Connection):
         """Return one model, "name" (its newest version) or "name@digest"; NotFound without it."""
         return self._json("GET", path_of("models", name))
 
-    def add_model(self, archive: Path) -> Json:
+    def add_model(self, archive: Path | str) -> Json:
         """Upload a zipped model of kind `mjcf` and return it as the coordinator understood it.
 
         Raises:
             Invalid: it cannot be used; the message names the file and what is wrong.
         """
         headers = {"Content-Type": "application/zip"}
-        with archive.open("rb") as file:
+        with as_path(archive).open("rb") as file:
             return self._post("/v1/models", content=file, params={}, headers=headers)
 
     def announce_model(self, description: Mapping[str, Any], worker: str = "") -> Json:
@@ -48,6 +48,6 @@ class Models(Connection):
         """
         return self._json("POST", "/v1/models", description, {"X-Rehyb-Worker": worker})
 
-    def model_archive(self, version: str, path: Path) -> None:
+    def model_archive(self, version: str, path: Path | str) -> None:
         """Write the zip file of an uploaded model, "name@digest", to `path`."""
         self._download(path_of("models", version, "archive"), path)

@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from rehyb.client.connection import Connection, Json, path_of
+from rehyb.client.connection import Connection, Json, as_path, path_of
 
 
 class Sessions(Connection):
     """Measured sessions."""
 
-    def upload_session(self, archive: Path, name: str | None = None) -> Json:
+    def upload_session(self, archive: Path | str, name: str | None = None) -> Json:
         """Upload a zipped session and return it as the coordinator understood it.
 
         Args:
@@ -20,8 +20,9 @@ class Sessions(Connection):
             Invalid: it cannot be analysed; the message names file, column and line.
         """
         headers = {"Content-Type": "application/zip"}
-        params = {"name": name or archive.stem}
-        with archive.open("rb") as file:
+        path = as_path(archive)
+        params = {"name": name or path.stem}
+        with path.open("rb") as file:
             return self._post("/v1/sessions", content=file, params=params, headers=headers)
 
     def sessions(self) -> list[Json]:
@@ -34,7 +35,7 @@ class Sessions(Connection):
         return self._json("GET", path_of("sessions", session_id))
 
     def session_archive(
-        self, session_id: str, path: Path, on_chunk: Callable[[], object] = lambda: None
+        self, session_id: str, path: Path | str, on_chunk: Callable[[], object] = lambda: None
     ) -> None:
         """Write a session's zip file to `path`; `on_chunk` is called again and again meanwhile."""
         self._download(path_of("sessions", session_id, "archive"), path, on_chunk)

@@ -158,7 +158,7 @@ class Studies(Connection):
         """Stop handing out a study's instances; results already there stay."""
         return self._json("POST", path_of("studies", study_id, "cancel"))
 
-    def results_csv(self, study_id: str, path: Path) -> None:
+    def results_csv(self, study_id: str, path: Path | str) -> None:
         """Write a study's results to `path`; a download cut short leaves no file behind."""
         self._download(path_of("studies", study_id, "results.csv"), path)
 

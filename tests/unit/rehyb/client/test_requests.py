@@ -152,12 +152,13 @@ def test_a_list_comes_without_its_wrapping(call: Call, path: str, of: str) -> No
     ],
 )
 def test_a_download_writes_the_answer(
-    call: Callable[[Client, Path], None], path: str, tmp_path: Path
+    call: Callable[[Client, Path | str], None], path: str, tmp_path: Path
 ) -> None:
-    there = Recorder({"bytes": 1})
-    call(there.client, tmp_path / "out")
-    assert there.told[:2] == ("GET", path)
-    assert json.loads((tmp_path / "out").read_text()) == {"bytes": 1}
+    for out in (tmp_path / "out", f"{tmp_path}/text"):
+        there = Recorder({"bytes": 1})
+        call(there.client, out)
+        assert there.told[:2] == ("GET", path)
+        assert json.loads(Path(out).read_text()) == {"bytes": 1}
 
 
 @pytest.mark.parametrize(
@@ -165,6 +166,8 @@ def test_a_download_writes_the_answer(
     [
         (lambda c, p: c.add_model(p), "/v1/models", "application/zip"),
         (lambda c, p: c.upload_session(p), "/v1/sessions?name=a", "application/zip"),
+        (lambda c, p: c.add_model(str(p)), "/v1/models", "application/zip"),
+        (lambda c, p: c.upload_session(str(p)), "/v1/sessions?name=a", "application/zip"),
         (lambda c, p: c.upload_session(p, "b"), "/v1/sessions?name=b", "application/zip"),
         (lambda c, p: c.analyse(p), "/v1/analyses?name=a.zip", None),
         (
@@ -199,6 +202,22 @@ def test_an_upload_sends_a_file_and_returns_the_answer(
     refusing = Recorder({"detail": "no"}, status=409)
     with pytest.raises(Conflict, match=r"^no$"):
         call(refusing.client, tmp_path / "a.zip")
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda c: c.indices(None), "the id of a study is a text, not NoneType"),
+        (lambda c: c.model(3), "the id of a model is a text, not int"),
+        (lambda c: c.upload_session(None), "a path is a text or a pathlib.Path, not NoneType"),
+        (lambda c: c.results_csv("s", 3), "a path is a text or a pathlib.Path, not int"),
+    ],
+)
+def test_what_is_no_id_or_path_at_all_is_one_error_of_ours(
+    call: Callable[[Any], object], said: str
+) -> None:
+    with pytest.raises(Invalid, match=f"^{said}$"):
+        call(Recorder().client)
 
 
 def test_who_announces_a_model_is_said_in_a_header() -> None:
