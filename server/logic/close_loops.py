@@ -24,6 +24,8 @@ from server.states import CloseLoopState, JobKind, LeaseState
 MAX_REPORT_BYTES = 8_000_000
 #: Levels of nesting it may have.
 REPORT_DEPTH = 64
+#: What an answer with a report says of its job: no report says it, or its file would tell others.
+OF_JOB = ("id", "session_id", "state")
 #: What is said of a recording that is like a bank's, or is not.
 FAMILIAR, STRANGE = "familiar", "unfamiliar"
 #: Characters kept of a progress line.
@@ -170,6 +172,8 @@ def verdict_of(report: bytes, kind: JobKind = JobKind.CLOSE_LOOP) -> str:
             f"report.json is nested more than {REPORT_DEPTH} deep, has a number without end, or "
             "half of a character"
         )
+    if taken := [name for name in OF_JOB if name in content]:
+        raise ValueError(f"report.json may not have {', '.join(taken)}, which the coordinator says")
     if kind == JobKind.INTERPRETATION:
         familiar = content.get("familiar")
         if not isinstance(familiar, bool) or not _has_interval(content.get("stiffness")):

@@ -101,7 +101,7 @@ def test_every_documented_route_is_served_and_every_route_is_documented(tmp_path
     settings = Settings(database_url=f"sqlite:///{tmp_path}/db", token=SecretStr("t"))
     paths = create_app(settings).openapi()["paths"]
     served = {
-        f"{method.upper()} {re.sub(r'{[a-z_]+}', '{id}', path)}"
+        f"{method.upper()} {re.sub(r'{(?!row|position)[a-z_]+}', '{id}', path)}"
         for path, methods in paths.items()
         for method in methods
     }
@@ -114,9 +114,11 @@ def test_every_documented_route_is_served_and_every_route_is_documented(tmp_path
     assert served == documented
 
 
-def test_every_setting_is_documented() -> None:
+def test_every_setting_is_documented_and_named_by_the_command_that_it_is_for() -> None:
+    said = CliRunner().invoke(app, ["coordinator", "--help"]).output
     for name in Settings.model_fields:
         assert f"`REHYB_{name.upper()}`" in SETTINGS
+        assert re.search(rf"\bREHYB_{name.upper()}\b", said), name
 
 
 def test_every_output_and_failure_is_explained() -> None:

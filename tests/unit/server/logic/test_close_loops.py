@@ -266,6 +266,13 @@ def test_a_job_of_another_kind_or_with_other_options_will_not_do() -> None:
     assert not answers(INTERPRET, None, JobKind.INTERPRETATION, {"bank": "b1"})
 
 
+@pytest.mark.parametrize("name", ["id", "session_id", "state"])
+def test_no_report_says_what_the_coordinator_says_of_its_job(name: str) -> None:
+    report = json.dumps({"schema": 1, "verdict": "adequate", name: "another's"}).encode()
+    with pytest.raises(ValueError, match=f"may not have {name}, which the coordinator says"):
+        verdict_of(report)
+
+
 def interpreted(**changes: object) -> bytes:
     stiffness = {"median": 30, "interval90": [20.5, 41]}
     return json.dumps({"stiffness": stiffness, "familiar": True, **changes}).encode()
