@@ -53,14 +53,17 @@ async def grant(
             return Deferred(rest=replace(exchange, posted=None, first=comparing))
         # If another worker is faster with a second opinion, this one asks again.
         return await _lease_comparisons(served, served.study, exchange, request)
-    objection: str | None = None
+    objection, of_tags = None, True
     passed = exchange.passed
     for study_id in mine:
         candidate = None if study_id in passed else await served.other(study_id)
         if candidate is None:
             continue
         if (unfit := objection_to_worker(candidate, request.worker)) is not None:
-            objection = objection or unfit
+            # That a study is for other tags is as it was meant; anything else may be mended here.
+            tagged = not set(candidate.tags) <= set(request.worker.tags)
+            if objection is None or (of_tags and not tagged):
+                objection, of_tags = unfit, tagged
         elif candidate is not served.study:
             rest = replace(exchange, posted=None, first=study_id, passed=passed)
             return Deferred(rest=rest)

@@ -179,6 +179,19 @@ def test_a_tagged_study_goes_to_workers_with_all_its_tags(engine: Engine, plan: 
     assert lease(engine, LINUX, tags=["fast", "lab", "mine"]) is not None
 
 
+def test_a_worker_of_another_version_is_told_that_before_a_studys_tags(
+    engine: Engine, plan: Drawing
+) -> None:
+    tagged = studies.create(engine, plan(), key=None, digest="", now=-1.0, tags=["gpu"])[0].id
+    begun = create(engine, plan())
+    lease(engine, LINUX)
+    with pytest.raises(ConflictError, match=f"study {begun} was begun with code c0de, mujoco 4"):
+        lease(engine, OLD)
+    studies.cancel(engine, begun, now=1.0)
+    with pytest.raises(ConflictError, match=f"study {tagged} is for workers tagged gpu"):
+        lease(engine, OLD, now=1.0)
+
+
 def test_what_crashed_goes_to_another_host_first_if_one_is_at_work(
     engine: Engine, plan: Drawing, report: Reporting
 ) -> None:
