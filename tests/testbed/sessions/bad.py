@@ -10,6 +10,7 @@ from typing import Any
 from tests.testbed.sessions.small import HEADER
 
 Spoil = Callable[[Path], None]
+HUGE = 'diaginertia="1e99 1e99 1e99"'
 
 
 def csv_text(change: Callable[[str], str]) -> Spoil:
@@ -264,56 +265,46 @@ BAD: dict[str, tuple[Spoil, str]] = {
         "'upper_arm' has places of 1e\\+99",
     ),
     "a link in micrograms": (model('mass="2"', 'mass="2e9"'), "has masses of 2e\\+09; .* in kg"),
-    "gravity without end": (
-        model("<worldbody>", '<option gravity="0 0 -inf"/><worldbody>'),
-        "device.xml: <option> has gravity=-inf; it must be finite and at most 1000, in m/s2",
-    ),
-    "gravity of a black hole": (
-        model("<worldbody>", '<option gravity="0 0 -1e300"/><worldbody>'),
-        "<option> has gravity=-1e\\+300",
-    ),
-    "a wind without end": (
-        model("<worldbody>", '<option wind="inf 0 0" density="1"/><worldbody>'),
-        "<option> has wind=inf",
-    ),
-    "air denser than all stars": (
-        model("<worldbody>", '<option density="1e300"/><worldbody>'),
-        "<option> has density=1e\\+300; .* kg/m3",
-    ),
+    **{
+        f"an option of {said}": (
+            model("<worldbody>", f"<option {said}/><worldbody>"),
+            f"device.xml: <option> has {told}; it must be finite and at most",
+        )
+        for said, told in (
+            ('gravity="0 0 -inf"', "gravity=-inf"),
+            ('gravity="0 0 -1e300"', "gravity=-1e\\+300"),
+            ('wind="inf 0 0" density="1"', "wind=inf"),
+            ('density="1e300"', "density=1e\\+300"),
+        )
+    },
     **{
         f"a joint with {attribute}={value}": (
             model('name="shoulder"', f'name="shoulder" {attribute}="{value}"'),
             f"device.xml: joint 'shoulder' has {attribute}={said}; it must be finite and at most",
         )
         for attribute, value, said in (
-            ("damping", "inf", "inf"),
             ("damping", "1e300", "1e\\+300"),
             ("armature", "1e200", "1e\\+200"),
             ("stiffness", "1e300", "1e\\+300"),
             ("frictionloss", "1e308", "1e\\+308"),
-            ("springref", "inf", "inf"),
             ("ref", "1e300", "1e\\+300"),
-            ("pos", "inf 0 0", "inf"),
+            ("springref", "inf", "inf"),
         )
     },
     "a range that ends on one side": (
         model('name="elbow"', 'name="elbow" limited="true" range="-inf 1"'),
         "'elbow' has range=-inf; both ends must be finite; leave out a range that has none",
     ),
-    "a motor of endless gear": (
-        model(
-            "</worldbody>", '</worldbody><actuator><motor joint="elbow" gear="1e300"/></actuator>'
-        ),
-        "actuator 0, which has no name, has gear=1e\\+300",
-    ),
-    "a moment of inertia beyond all": (
-        model(
-            "</worldbody>",
-            '<body><inertial mass="1" pos="0 0 0" diaginertia="1e99 1e99 1e99"/>'
-            "</body></worldbody>",
-        ),
-        "has inertia=1e\\+99; .* kg m2",
-    ),
+    **{
+        f"{said} of a part": (
+            model("</worldbody>", f"{before}</worldbody>{after}"),
+            f"has {said}=1e\\+99; it must be finite and at most",
+        )
+        for said, before, after in (
+            ("inertia", f'<body><inertial mass="1" pos="0 0 0" {HUGE}/></body>', ""),
+            ("gear", "", '<actuator><motor joint="elbow" gear="1e99"/></actuator>'),
+        )
+    },
     "a link that weighs less than nothing": (
         model(
             "<inertial",
