@@ -1,8 +1,8 @@
 """Whether a limb's stiffness differs from trial to trial, so that no one number describes it.
 
 A patient's tone changes between trials, in no order that a function of time follows. What a
-stiffness and a damping of each half of a trial predict of its other half is no noise: half of what
-is left has to be of that kind.
+stiffness of each half of a trial predicts of its other half is no noise: half of what is left has
+to be of that kind, beside a damping and a zero of each half's own, as friction and slow noise have.
 """
 
 import numpy as np
@@ -53,12 +53,11 @@ def _of_joint(model: Model, rows: Rows, joint: int) -> ByTrial | None:
         if min(map(len, halves)) < LEAST_ROWS:
             whole += float(left[inside] @ left[inside])
             continue
-        # Each half's zero is its own: what slow noise does there is no stiffness.
-        parts = [_without_zero(columns[half], left[half]) for half in halves]
-        for (ways, torque), (others, expected) in (parts, parts[::-1]):
-            found = np.linalg.lstsq(ways, torque, rcond=None)[0]
+        parts = [_beside(columns[half], left[half]) for half in halves]
+        for (way, torque), (other, expected) in (parts, parts[::-1]):
+            found = float(way @ torque) / max(float(way @ way), 1e-300)
             whole += float(expected @ expected)
-            told += float(expected @ expected - np.sum((expected - others @ found) ** 2))
+            told += float(expected @ expected - np.sum((expected - found * other) ** 2))
         change = np.linalg.lstsq(columns[inside], left[inside], rcond=None)[0]
         changes[int(trial)] = float(change[0])
     least = max(MOST * whole, MATTERS**2 * rows.effort_power(joint))
@@ -72,13 +71,13 @@ def _of_joint(model: Model, rows: Rows, joint: int) -> ByTrial | None:
     )
 
 
-def _without_zero(columns: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return columns of stiffness and damping, (r, 2), and a torque, (r,), less what a zero does.
+def _beside(columns: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the column of stiffness and a torque, (r,), less what a damping and a zero do.
 
     Args:
         columns: of stiffness, damping and a zero, low-passed, (r, 3).
         torque: Nm or N, low-passed, (r,).
     """
-    every, zero = np.column_stack([columns[:, :2], torque]), columns[:, 2:]
-    every = every - zero @ np.linalg.lstsq(zero, every, rcond=None)[0]
-    return every[:, :2], every[:, 2]
+    every, beside = np.column_stack([columns[:, 0], torque]), columns[:, 1:]
+    every = every - beside @ np.linalg.lstsq(beside, every, rcond=None)[0]
+    return every[:, 0], every[:, 1]

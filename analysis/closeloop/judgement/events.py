@@ -37,11 +37,12 @@ from analysis.closeloop.judgement.holds import (
     OF_MOTION,
     SHORTEST,
     STICTION,
+    goes_itself,
     rest_events,
     spread,
 )
 from analysis.closeloop.judgement.recurring import ELSEWHERE, Way, clock_of
-from analysis.closeloop.judgement.shoved import away_events, goes_itself, shoved_events
+from analysis.closeloop.judgement.shoved import away_events, shoved_events
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import least_digit, lowpass, rms

@@ -86,6 +86,8 @@ def rest_events(
     excused = np.maximum(abrupt, _answered(recording, joint, expected, beside=beside))
     travel = float(np.ptp(recording.position[:, joint]))
     comes_back = _recurring(recording, courses, others)
+    # Nothing else tells what its own moves take.
+    itself = goes_itself(recording, joint) & (expected is None)
     for course in courses:
         samples, beyond = course.samples, course.beyond
         usual = max(usual_anywhere, quiet_spread(course.nearest))
@@ -106,7 +108,7 @@ def rest_events(
             top = run.start + int(np.argmax(np.abs(beyond[run])))
             if abs(beyond[top]) <= max(least, rubbing, excused[samples[top]]):
                 continue
-            if comes_back(samples[top]):
+            if itself[samples[top]] or comes_back(samples[top]):
                 continue
             yield Event(
                 trial=int(recording.trial[samples[top]]),
@@ -236,6 +238,35 @@ def _driven(away: np.ndarray, velocity: np.ndarray, beyond: np.ndarray, flicker:
     out = velocity * away > 0.0
     out = out if out.any() else np.ones(len(out), dtype=bool)
     return bool(away @ beyond > 0.0) or rubs(velocity[out], beyond[out])
+
+
+def goes_itself(recording: Recording, joint: int) -> np.ndarray:
+    """Return where a motor moves its joint out of a hold and back, (n,): it gives work going out.
+
+    What holds a joint that somebody pushes away takes work up on that way.
+
+    Args:
+        recording: all trials.
+        joint: which.
+    """
+    found = np.zeros(len(recording.time), dtype=bool)
+    for piece in recording.slices:
+        noise = noise_of(recording.raw_effort(int(recording.trial[piece.start]), joint))
+        resting = recording.resting(joint, piece)
+        for hold in recording.held(joint, piece):
+            inside = slice(piece.start + hold.start, piece.start + hold.stop)
+            place, velocity, effort = (
+                x[inside, joint] for x in (recording.position, recording.velocity, recording.effort)
+            )
+            if not resting[hold].any():
+                continue
+            away = place - np.median(place[resting[hold]])
+            beside = effort - np.median(effort[resting[hold]])
+            for run in runs(np.abs(away) > MOVING):
+                out = np.maximum(velocity[run] * np.sign(away[run]), 0.0)
+                given = (out * np.sign(away[run])) @ beside[run]
+                found[inside][run] = given > noise * out.sum()
+    return found
 
 
 def _around(recording: Recording, torque: np.ndarray, seconds: float) -> np.ndarray:

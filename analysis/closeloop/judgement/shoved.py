@@ -14,7 +14,7 @@ from analysis.closeloop.judgement.holds import (
     rubs,
 )
 from analysis.closeloop.session.recording import Recording
-from analysis.closeloop.session.runs import AWAY, MOVING, runs
+from analysis.closeloop.session.runs import AWAY, runs
 
 #: A joint rests for so long before and after it is pushed, s, and moves so far within that time,
 #: over the noise of its position: the start of a trial, where it sags, is no push.
@@ -118,35 +118,6 @@ def shoved_events(
                 end=float(recording.time[piece.start + run.stop - 1]),
                 peak=float(push[np.argmax(np.abs(push))]),
             )
-
-
-def goes_itself(recording: Recording, joint: int) -> np.ndarray:
-    """Return where a motor moves its joint out of a hold and back, (n,): it gives work going out.
-
-    What holds a joint that somebody pushes away takes work up on that way.
-
-    Args:
-        recording: all trials.
-        joint: which.
-    """
-    found = np.zeros(len(recording.time), dtype=bool)
-    for piece in recording.slices:
-        noise = noise_of(recording.raw_effort(int(recording.trial[piece.start]), joint))
-        resting = recording.resting(joint, piece)
-        for hold in recording.held(joint, piece):
-            inside = slice(piece.start + hold.start, piece.start + hold.stop)
-            place, velocity, effort = (
-                x[inside, joint] for x in (recording.position, recording.velocity, recording.effort)
-            )
-            if not resting[hold].any():
-                continue
-            away = place - np.median(place[resting[hold]])
-            beside = effort - np.median(effort[resting[hold]])
-            for run in runs(np.abs(away) > MOVING):
-                out = np.maximum(velocity[run] * np.sign(away[run]), 0.0)
-                given = (out * np.sign(away[run])) @ beside[run]
-                found[inside][run] = given > noise * out.sum()
-    return found
 
 
 def _between_rests(moves: np.ndarray, rate: float) -> Iterator[slice]:
