@@ -11,6 +11,7 @@ from analysis.given import doubts, layout
 from analysis.given.copies import without_copies
 from analysis.given.dependence import related
 from analysis.given.hsic import hsic
+from analysis.given.left_over import unexplained
 from analysis.given.measures import MEASURES, Measure, standard
 from analysis.given.reading import read_sheet
 from analysis.given.replicates import at_points
@@ -96,6 +97,12 @@ def answer(sample: Sample) -> dict[str, Any]:
     if len(x) and rows.drawn and not any("rbd_fast" in names for names, _ in withheld):
         for o, name in enumerate(sample.outputs):
             remarks += missed(name, y[:, o], sample.factors, x)
+    if len(x) and (rows.design is None or rows.design.method == "morris"):
+        for o, name in enumerate(sample.outputs):
+            told = doubts.shares(of_samples[name])
+            remarks += unexplained(
+                name, y[:, o], sample.factors, x, told, designed=rows.design is not None
+            )
     for name, own in zip(sample.outputs, sample.y.T, strict=True):
         ends = float(np.nanmin(own)), float(np.nanmax(own))
         lost = [*not_in_numbers(name, *ends), *in_last_digits(name, *ends)]

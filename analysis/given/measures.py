@@ -294,7 +294,8 @@ MEASURES = (
         most_rows=1_000,
         least=None,
         biased=False,
-        assumes="nothing of the form of the dependence; how large it is depends on the kernels, so "
+        assumes="nothing of the form of the dependence on this factor alone, and does not see what "
+        "factors do only together; how large it is depends on the kernels, so "
         "rank by it, and take the test for yes or no",
         source="Gretton et al. 2007; Da Veiga 2015; Song et al. 2012",
     ),
