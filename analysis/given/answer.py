@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given import doubts, layout
+from analysis.given.clusters import clustered
 from analysis.given.copies import without_copies
-from analysis.given.dependence import related
+from analysis.given.dependence import dependence
 from analysis.given.hsic import hsic
 from analysis.given.left_over import unexplained
 from analysis.given.measures import MEASURES, Measure, standard
@@ -64,11 +65,16 @@ def answer(sample: Sample) -> dict[str, Any]:
     x, y = rows.x, rows.y
     remarks = [*sample.remarks, *points.remarks, *rows.remarks]
     depending: list[str] = []
+    clusters: list[str] = []
     if len(x):
         # Several runs at the same point are one of the points that were drawn.
         once = x[without_copies(x, x[:, :0])]
-        depending = related(sample.factors, once, drawn=rows.drawn)
+        found = dependence(sample.factors, once, drawn=rows.drawn)
+        depending = found.remarks
         remarks += [*depending, _few_rows(len(x), rows.design)]
+        if rows.drawn and rows.design is None:
+            clusters = clustered(once, found.pairs)
+            remarks += clusters
     withheld = _withheld_from(x, sample.factors)
     remarks += [*_few_values(x, sample.factors), *(why for _, why in withheld)]
     measures = MEASURES if len(x) else ()
@@ -84,8 +90,8 @@ def answer(sample: Sample) -> dict[str, Any]:
     remarks += [
         f"delta of {name} is not told, or without an interval: its tail is too heavy for a "
         "density between its extremes; give its logarithm or its ranks."
-        for name, found in of_samples.items()
-        if any(None in (one["value"], one["low"]) for one in found.get("delta", {}).values())
+        for name, told in of_samples.items()
+        if any(None in (one["value"], one["low"]) for one in told.get("delta", {}).values())
     ]
     if len(x):
         remarks += [

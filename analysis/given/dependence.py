@@ -1,6 +1,7 @@
 """Which factors of a sample depend on each other, in whatever form."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from math import isqrt
 
@@ -31,7 +32,22 @@ _FEWEST_ROWS = 6
 _SHOWN = 5
 
 
+@dataclass(frozen=True, kw_only=True)
+class Dependence:
+    """Factors that are not independent of each other (Spearman 1904; Gretton et al. 2007)."""
+
+    #: What to say of it; empty if all are independent.
+    remarks: list[str]
+    #: Every two of them, by their places.
+    pairs: list[tuple[int, int]]
+
+
 def related(factors: Sequence[str], x: Array, *, drawn: bool = True) -> list[str]:
+    """Return the remarks of `dependence` (Spearman 1904; Gretton et al. 2007)."""
+    return dependence(factors, x, drawn=drawn).remarks
+
+
+def dependence(factors: Sequence[str], x: Array, *, drawn: bool = True) -> Dependence:
     """Say which factors are not independent of each other.
 
     By their ranks (Spearman 1904); of a dependence that neither rises nor falls by R2-HSIC of
@@ -44,12 +60,14 @@ def related(factors: Sequence[str], x: Array, *, drawn: bool = True) -> list[str
     # Of a design's rows only those may be left in which a factor is the same.
     varies = np.ptp(x, axis=0) > 0.0
     factors, x = [name for name, one in zip(factors, varies, strict=True) if one], x[:, varies]
+    place = np.flatnonzero(varies).tolist()
     if len(factors) < 2:
-        return []
+        return Dependence(remarks=[], pairs=[])
     # Equal values share a rank: by the order of rows, a grid's factors would seem to be related.
     ranks = rankdata(x, axis=0)
     correlation: Array = np.asarray(np.corrcoef(ranks, rowvar=False))
     said = []
+    bent: list[tuple[int, int]] = []
     pairs = list(combinations(range(len(factors)), 2))
     least = max(_CORRELATED, float(norm.isf(_BY_RANKS / 2.0 / len(pairs))) / np.sqrt(len(x)))
     rising = [p for p in pairs if abs(correlation[p]) >= least]
@@ -71,12 +89,13 @@ def related(factors: Sequence[str], x: Array, *, drawn: bool = True) -> list[str
                 f"neither rising nor falling, by R²-HSIC: {_shown(factors, bent, share, '.2f')}"
             )
     if not said:
-        return []
-    return [
+        return Dependence(remarks=[], pairs=[])
+    remarks = [
         f"Factors depend on each other ({'; '.join(said)}). What one of them explains, the other "
         "does too: indices of factors say what a factor tells of the output, not what it causes.",
         *_one_quantity(factors, [p for p in rising if abs(correlation[p]) > 1.0 - INDISTINCT]),
     ]
+    return Dependence(remarks=remarks, pairs=[(place[i], place[j]) for i, j in (*rising, *bent)])
 
 
 def _one_quantity(factors: Sequence[str], pairs: Sequence[tuple[int, int]]) -> list[str]:
