@@ -103,6 +103,8 @@ def answer(sample: Sample) -> dict[str, Any]:
     if len(x) and rows.drawn and not any("rbd_fast" in names for names, _ in withheld):
         for o, name in enumerate(sample.outputs):
             remarks += missed(name, y[:, o], sample.factors, x)
+            if not depending and not clusters:
+                remarks += doubts.apart(name, doubts.shares(of_samples[name]), LEVEL)
     if len(x) and (rows.design is None or rows.design.method == "morris"):
         for o, name in enumerate(sample.outputs):
             told = doubts.shares(of_samples[name])

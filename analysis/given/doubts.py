@@ -5,6 +5,7 @@ mathematical models).
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -129,6 +130,34 @@ def two_answers(
         f"Two answers: {max(found)[1]}. Either the output has more waves or jumps than the latter "
         "follows, or outputs do not stand beside the points that they are of."
     ]
+
+
+def apart(output: str, told: Mapping[str, Any], level: float) -> list[str]:
+    """Say of which factors two measures of the same rows tell two shares, surely.
+
+    Of independent factors both tell S (Sobol 1993), as far as they follow the output.
+
+    Args:
+        output: its name.
+        told: measures of a sample that are shares, {NAME: {FACTOR: INTERVAL}}.
+        level: of the intervals.
+    """
+    said = []
+    for (one, index), (two, other) in combinations(told.items(), 2):
+        beyond = _times(len(index), level)
+        for factor in index:
+            a, b = index[factor], other[factor]
+            if None in (a["low"], b["low"]):
+                continue
+            off = b["value"] - a["value"]
+            half = (_half(a, off) ** 2 + _half(b, -off) ** 2) ** 0.5
+            if abs(off) > max(beyond * half, SHARE_OF_VARIANCE):
+                said.append(
+                    f"Do not trust the share of {factor} in {output}: it is {a['value']:.2f} by "
+                    f"{one} and {b['value']:.2f} by {two}, of the same rows. The output has more "
+                    "waves or jumps with it than both follow: what is told is too small."
+                )
+    return said
 
 
 def shares(measures: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from analysis.given.hdmr import ROWS_EACH, pieces, splines
-from analysis.given.measures import FEW_VALUES, HARMONICS, class_means
+from analysis.given.left_over import by_themselves
+from analysis.given.measures import FEW_VALUES, HARMONICS, class_means, standard
 from analysis.sensitivity.judgement.screening import SHARE_OF_VARIANCE
 
 Array = NDArray[np.float64]
@@ -21,11 +22,11 @@ Array = NDArray[np.float64]
 #: How likely one factor or more is named of an output that harmonics follow.
 _BY_CHANCE = 1e-3
 #: Rows that are looked at, at most: what matters shows in them, and wide tables take their time.
-_MOST_ROWS = 5000
+_MOST_ROWS = 2000
 
 
 def missed(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]:
-    """Say of which factors harmonics and splines together miss a share that matters.
+    """Say of which factors both harmonics and splines miss a share that matters.
 
     By the correlation of neighbouring rows in what they leave, beyond chance (Bonferroni).
 
@@ -37,25 +38,39 @@ def missed(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]
     x, y = x[:_MOST_ROWS], y[:_MOST_ROWS]
     if np.ptp(y) == 0.0:
         return []
+    y = standard(y)
+    # What other factors do is noise beside what is looked for.
+    function = by_themselves(x, y)
+    rest = y - function.sum(axis=1)
     u = (np.arange(len(y)) + 0.5) / len(y)
     # Of rows in the order of a factor these are what `rbd_fast` fits, which goes there and back.
     waves = np.cos(np.pi * np.outer(u, np.arange(HARMONICS + 1)))
     cut = pieces(len(y), x.shape[1])
     least = float(norm.isf(_BY_CHANCE / x.shape[1])) / np.sqrt(len(y))
     said = []
-    for name, column in zip(factors, x.T, strict=True):
+    for name, column, own in zip(factors, x.T, function.T, strict=True):
         classes = np.unique(column, return_inverse=True)[1]
         if classes.max() < FEW_VALUES:
             continue
         order = np.argsort(column, kind="stable")
-        fitted = np.linalg.qr(np.column_stack([waves, splines(column[order], cut)]))[0]
-        left = y[order] - fitted @ (fitted.T @ y[order])
+        alone = (rest + own)[order]
+        # Each measure follows with its own functions: what the better one leaves.
+        left = min(
+            (_left(alone, functions) for functions in (waves, splines(column[order], cut))),
+            key=lambda one: float(one @ one),
+        )
         squares = float(left @ left)
         alike = float(left[1:] @ left[:-1]) / max(squares, float(np.finfo(float).tiny))
         share = alike * squares / float(np.sum((y - y.mean()) ** 2))
         if alike > least and share > SHARE_OF_VARIANCE:
             said.append(_sentence(output, y, name, classes, share))
     return said
+
+
+def _left(y: Array, functions: Array) -> Array:
+    """Return what functions, shape (rows, functions), leave of an output."""
+    fitted = np.linalg.qr(functions)[0]
+    return np.asarray(y - fitted @ (fitted.T @ y))
 
 
 def _sentence(output: str, y: Array, name: str, classes: NDArray[np.intp], share: float) -> str:

@@ -61,6 +61,19 @@ def test_shares_may_sum_to_one_but_not_surely_to_more() -> None:
     assert doubts.two_answers("y", one, {"hdmr": untold}, 0.9) == []
 
 
+def test_two_measures_of_the_same_rows_that_surely_differ_are_named() -> None:
+    told = {
+        "rbd_fast": {"a": interval(0.75, 0.83), "b": interval(0.05, 0.15)},
+        "hdmr": {"a": interval(0.59, 0.65), "b": interval(0.08, 0.12)},
+    }
+    (said,) = doubts.apart("y", told, 0.9)
+    assert said.startswith("Do not trust the share of a in y: it is 0.79 by rbd_fast and 0.62")
+    near = told | {"hdmr": {"a": interval(0.71, 0.79), "b": interval(0.1, 0.14)}}
+    untold = {"value": None, "low": None, "high": None}
+    assert doubts.apart("y", near, 0.9) == []
+    assert doubts.apart("y", told | {"hdmr": {"a": untold, "b": untold}}, 0.9) == []
+
+
 @pytest.mark.parametrize(("correlation", "said"), [(0.99, True), (0.0, False)])
 def test_shares_of_factors_that_cancel_are_said_to_be_no_parts(
     correlation: float, said: bool, tmp_path: Path
