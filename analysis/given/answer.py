@@ -14,6 +14,7 @@ from analysis.given.dependence import dependence
 from analysis.given.hsic import hsic
 from analysis.given.left_over import unexplained
 from analysis.given.measures import MEASURES, Measure, standard
+from analysis.given.order import rest_in_order
 from analysis.given.reading import read_sheet
 from analysis.given.replicates import at_points
 from analysis.given.sample import Sample, choose
@@ -105,6 +106,7 @@ def answer(sample: Sample) -> dict[str, Any]:
             remarks += missed(name, y[:, o], sample.factors, x)
             if not depending and not clusters:
                 remarks += doubts.apart(name, doubts.shares(of_samples[name]), LEVEL)
+            remarks += rest_in_order(name, y[rows.order, o], sample.factors, x[rows.order])
     if len(x) and (rows.design is None or rows.design.method == "morris"):
         for o, name in enumerate(sample.outputs):
             told = doubts.shares(of_samples[name])

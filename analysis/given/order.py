@@ -11,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest, norm, rankdata
 
+from analysis.given.left_over import alike, by_themselves
+from analysis.given.measures import standard
+
 Array = NDArray[np.float64]
 
 #: How likely one column or more of a table drawn independently is said to follow, and how likely
@@ -23,6 +26,11 @@ _LEAST = 0.47
 #: Rank correlation with the row's number from which a column is in order, but for what is less than
 #: its steps: of m levels in loops, each jittered, it is 1 - 1 / m^2, 0.89 of three.
 _IN_ORDER = 0.85
+#: How likely one factor or more of a table drawn independently seems to follow a little, so that
+#: what is left of the output may follow for that.
+_A_LITTLE = 0.01
+#: Rows of which what is left is looked at, the first of a table.
+_MOST_ROWS = 2000
 #: Factors that are shown.
 _SHOWN = 5
 
@@ -85,6 +93,40 @@ def chain(x: Array, y: Array) -> Chain | None:
         correlation=[r for r, _ in found],
         rows=max(rows * (1.0 - strongest) / (1.0 + strongest), 1.0),
     )
+
+
+def rest_in_order(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]:
+    """Say so if what factors leave of an output goes on from row to row, as of batches or drift.
+
+    By von Neumann's ratio (1941) of what is left when each factor's own function is taken off. Of
+    rows that are in the order of a factor or output nothing can be told, nor where factors go on.
+
+    Args:
+        output, factors: names.
+        y: shape (rows,), in the file's order.
+        x: shape (rows, factors).
+    """
+    x, y = x[:_MOST_ROWS], y[:_MOST_ROWS]
+    steps = np.diff(y)
+    if (steps >= 0.0).all() or (steps <= 0.0).all():
+        return []
+    if any(_sorted(column) for column in x.T if np.ptp(column) > 0.0):
+        return []
+    little = float(norm.isf(_A_LITTLE / 2.0 / len(factors))) / np.sqrt(len(y))
+    if any(abs(_with_the_row_before(column)) > little for column in x.T if np.ptp(column) > 0.0):
+        return []
+    y = standard(y)
+    left = y - by_themselves(x, y).sum(axis=1)
+    row = np.arange(len(left))
+    if alike(left, row[1:], row[:-1]).errors < norm.isf(_BY_CHANCE):
+        return []
+    correlation = float(left[1:] @ left[:-1]) / float(left @ left)
+    return [
+        f"What the factors leave of {output} goes on from row to row (correlation with the row "
+        f"before: {correlation:+.2f}), as where batches share an offset or something drifts: rows "
+        "are not independent, and intervals may be too narrow. If the table tells what changed, "
+        "such as a batch or the time, give it as a factor."
+    ]
 
 
 def _with_the_row_before(column: Array) -> float:

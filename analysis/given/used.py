@@ -28,6 +28,8 @@ class Used:
     #: Shapes (rows, factors) and (rows, outputs), in no order.
     x: Array
     y: Array
+    #: Which of them is first in the file, which second, ..., shape (rows,).
+    order: NDArray[np.intp]
     #: Whether the rows may have been drawn independently.
     drawn: bool
     #: The layout that was recognised.
@@ -56,6 +58,7 @@ def used(sample: Sample) -> Used:
     return Used(
         x=sample.x[rows],
         y=sample.y[rows],
+        order=np.argsort(rows),
         drawn=found.drawn,
         design=design,
         remarks=found.remarks,

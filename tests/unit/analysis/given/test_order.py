@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import qmc
 
 from analysis.given.answer import analyse
-from analysis.given.order import chain
+from analysis.given.order import chain, rest_in_order
 from tests.testbed.given import written
 
 
@@ -82,4 +82,45 @@ def test_an_answer_names_the_factors_of_a_chain(tmp_path: Path) -> None:
     remarks = " ".join(analyse(written(tmp_path / "x.csv", table, "a,b,y"), ["y"])["remarks"])
     assert (
         "Rows go on from the row before" in remarks and "(rank correlation with it: a (+" in remarks
+    )
+
+
+@pytest.mark.parametrize(
+    "moved",
+    [
+        lambda rng: np.repeat(rng.normal(size=20), 20),
+        lambda rng: np.linspace(0.0, 3.0, 400),
+        lambda rng: 0.1 * np.cumsum(rng.normal(size=400)),
+    ],
+    ids=["batches", "drift", "walk"],
+)
+def test_outputs_that_hang_together_from_row_to_row_are_named(moved: Any) -> None:
+    """Batches that share an offset made 25 rows as good as one, without a word."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        x = rng.random((400, 3))
+        y = x @ [3.0, 2.0, 1.0] + moved(rng)
+        little = rest_in_order("y", y, "abc", rng.permutation(x))
+        (said,) = rest_in_order("y", y, "abc", x) or little
+        assert said.startswith("What the factors leave of y goes on from row to row")
+        mixed = rng.permutation(400)
+        assert rest_in_order("y", y[mixed], "abc", x[mixed]) == []
+
+
+def test_sorted_tables_and_what_is_constant_hang_together_for_no_such_reason() -> None:
+    rng = np.random.default_rng(3)
+    x = rng.random((300, 2))
+    y = np.sin(30.0 * x[:, 0]) + x[:, 1]
+    for order in (np.argsort(x[:, 0]), np.argsort(y)):
+        assert rest_in_order("y", y[order], "ab", x[order]) == []
+    assert rest_in_order("y", np.ones(300), "ab", x) == []
+
+
+def test_an_answer_names_batches_by_the_order_of_the_file(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    x = rng.random((300, 3))
+    y = x @ [3.0, 2.0, 1.0] + np.repeat(rng.normal(size=12), 25)
+    remarks = analyse(written(tmp_path / "x.csv", np.c_[x, y]), ["y"])["remarks"]
+    assert any(
+        "goes on from row to row (correlation with the row before: +0." in r for r in remarks
     )
