@@ -47,6 +47,9 @@ def on_few_rows(output: str, y: Array, factors: Sequence[str], x: Array) -> str:
             f"size would tell it, of {len(y):,} (its kurtosis is {heavy:.0f}). Shares of it may be "
             "far off, further than their intervals say; look at its logarithm or its ranks, too."
         )
+    # What levels off, as a reaction that saturates, has no tail of its own, whatever moves it.
+    if heavy <= _NORMAL:
+        return ""
     tails = [
         f"{name} (kurtosis {kurtosis(one):.0f})"
         for name, one in zip(factors, x.T, strict=True)

@@ -404,3 +404,11 @@ def test_intervals_of_a_factor_of_two_values_hold_its_share() -> None:
         held += found.low[0] <= 0.5 <= found.high[0]
         idle += found.low[1] <= 0.0 <= found.high[1]
     assert held >= 32 and idle >= 32
+def test_what_levels_off_follows_no_heavy_tail() -> None:
+    """Of a reaction that saturates it was said in 12 of 12 tables."""
+    for seed in range(8):
+        x = 10.0 ** np.random.default_rng(seed).uniform(-3.0, 1.0, (400, 2))
+        y = x[:, 0] / (x[:, 0] + 0.1) + 0.3 * x[:, 1] / (1.0 + x[:, 1])
+        assert tails.on_few_rows("y", y, "ab", x) == ""
+
+
