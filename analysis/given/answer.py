@@ -145,7 +145,7 @@ def answer(sample: Sample) -> dict[str, Any]:
                 "symbol": measure.symbol,
                 "assumes": measure.assumes,
                 "source": measure.source,
-                "rows": min(len(x), measure.most_rows),
+                "rows": measure.looks_at(*x.shape),
             }
             for measure in measures
         },
@@ -203,7 +203,8 @@ def _withheld_from(x: Array, factors: Sequence[str]) -> list[tuple[Sequence[str]
 def _of_sample(measure: Measure, x: Array, y: Array, factors: Sequence[str]) -> dict[str, Any]:
     """Return a measure of every factor."""
     rng = np.random.default_rng(1)
-    x, y = x[: measure.most_rows], y[: measure.most_rows]
+    rows = measure.looks_at(*x.shape)
+    x, y = x[:rows], y[:rows]
     if np.ptp(y) == 0.0:
         return {}
     found = measure.estimate(x, y, LEVEL, rng)

@@ -158,6 +158,8 @@ class Measure:
     of_halves: bool = False
     #: It grows with the square of the rows, or is slow: of more rows so many are drawn.
     most_rows: int
+    #: Rows squared times factors at most, of one that takes a kernel of every two rows.
+    most_held: float = float("inf")
     #: No index is below, and none above: of what only noise can be, an interval ends there.
     least: float | None
     most: float | None = None
@@ -173,6 +175,13 @@ class Measure:
     fewest_rows: Callable[[int], int] = lambda factors: 0
     assumes: str
     source: str
+
+    def looks_at(self, rows: int, factors: int) -> int:
+        """Return of how many rows it is told, as far as time allows."""
+        most = min(rows, self.most_rows)
+        if np.isfinite(self.most_held):
+            most = min(most, int((self.most_held / factors) ** 0.5))
+        return most
 
     def estimate(self, x: Array, y: Array, level: float, rng: np.random.Generator) -> Found:
         """Return it of every factor, with its interval (Efron and Stein 1981).
@@ -292,6 +301,7 @@ MEASURES = (
         spread=by_halves,
         rest=None,
         most_rows=1_000,
+        most_held=5e7,
         least=None,
         biased=False,
         assumes="nothing of the form of the dependence on this factor alone, and does not see what "
