@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from analysis.given import layout
 from analysis.given.cells import no_value, on_one_line
 from analysis.given.copies import FEWEST_ROWS, without_copies
+from analysis.given.missing import lacking
 from analysis.given.reading import Sheet
 from analysis.given.refusals import GivenError
 from models.entries import RESULT_COLUMNS
@@ -131,10 +132,7 @@ def _sample(
             column=emptiest,
         )
     if not complete.all():
-        remarks.append(
-            f"{lines - complete.sum()} of {lines} rows lack a cell and are left out: if cells are "
-            "missing where the output is extreme, indices are too small."
-        )
+        remarks += [lacking(names, table)]
     for name in outputs:
         if np.ptp(sheet.numbers[name][complete]) == 0.0:
             raise GivenError(
