@@ -132,7 +132,7 @@ def _sample(
             column=emptiest,
         )
     if not complete.all():
-        remarks += [lacking(names, table)]
+        remarks += [lacking(names, table), *_of_other_outputs(names, len(factors), table)]
     for name in outputs:
         if np.ptp(sheet.numbers[name][complete]) == 0.0:
             raise GivenError(
@@ -158,6 +158,26 @@ def _sample(
         y=np.column_stack([sheet.numbers[name] for name in outputs]),
         remarks=tuple(remarks),
     )
+def _of_other_outputs(names: Sequence[str], factors: int, table: Array) -> list[str]:
+    """Return the remark on outputs that lose rows to what others lack.
+
+    Args:
+        names: of factors and outputs.
+        factors: how many.
+        table: their columns, shape (rows, factors and outputs).
+    """
+    used = int(_finite(table).sum())
+    alone = {
+        name: int(_finite(table[:, [*range(factors), factors + o]]).sum())
+        for o, name in enumerate(names[factors:])
+    }
+    more = [f"{name} would have {rows:,}" for name, rows in alone.items() if rows > used]
+    if not more:
+        return []
+    return [
+        f"Only the {used:,} rows are used that have all outputs: alone {', '.join(more)}. Ask for "
+        "one output at a time (--output) to use them."
+    ]
 
 
 def _laid_out_or_new(x: Array, y: Array) -> NDArray[np.intp]:

@@ -353,3 +353,14 @@ def test_a_number_that_may_stand_for_none_is_named(
     remarks = choose(read_sheet(written(tmp_path / "s.csv", table, "a,y")), ["y"]).remarks
     assert any("y is -999 in 3 rows" in remark for remark in remarks) == said
     assert len(remarks) == said
+
+
+def test_an_output_that_loses_rows_to_the_gaps_of_another_is_named(tmp_path: Path) -> None:
+    table = np.random.default_rng(1).random((100, 3))
+    table[:9, 2] = np.nan
+    sheet = read_sheet(written(tmp_path / "two.csv", table, "a,y,z"))
+    (_, said) = choose(sheet, ["y", "z"]).remarks
+    assert said.startswith(
+        "Only the 91 rows are used that have all outputs: alone y would have 100"
+    )
+    assert len(choose(sheet, ["z"], ["a"]).remarks) == 1
