@@ -46,6 +46,8 @@ _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _TEXT = 0.5
 #: A number that no other comes near is no chance if it is there so often.
 _AGAIN = 3
+#: Share of the rows that have one value of an output from which that jump matters.
+_OFTEN = 0.05
 #: Characters quoted of a cell.
 _QUOTED = 40
 
@@ -147,6 +149,23 @@ def no_value(name: str, numbers: NDArray[np.float64]) -> str:
                 f"{others[-1]:g} in the others: if that stands for no value, leave it empty."
             )
     return ""
+
+
+def atom(name: str, numbers: NDArray[np.float64]) -> str:
+    """Return the remark on a value that many rows share of an output that else hardly repeats."""
+    there = numbers[~np.isnan(numbers)]
+    values, often = np.unique(there, return_counts=True)
+    most = int(np.argmax(often))
+    others = np.delete(often, most)
+    if no_value(name, numbers) or often[most] < max(_AGAIN, _OFTEN * len(there)):
+        return ""
+    if (others == 1).sum() <= len(others) / 2:
+        return ""
+    return (
+        f"{name} is {values[most]:g} in {often[most]:,} of {len(there):,} rows, and hardly repeats "
+        "in the others. If that stands for runs that failed, leave them empty: the jump counts as "
+        "what factors do. If it is a limit, or truly so often, it is well."
+    )
 
 
 def _plain(cell: str) -> tuple[str, float]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given import layout
-from analysis.given.cells import no_value, on_one_line
+from analysis.given.cells import atom, no_value, on_one_line
 from analysis.given.copies import FEWEST_ROWS, without_copies
 from analysis.given.missing import lacking
 from analysis.given.reading import Sheet
@@ -149,6 +149,7 @@ def _sample(
     remarks += [
         said for name in (*factors, *outputs) if (said := no_value(name, sheet.numbers[name]))
     ]
+    remarks += [said for name in outputs if (said := atom(name, sheet.numbers[name]))]
     x = np.column_stack([sheet.numbers[name] for name in factors])
     return Sample(
         file=sheet.file,

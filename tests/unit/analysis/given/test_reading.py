@@ -352,7 +352,20 @@ def test_a_number_that_may_stand_for_none_is_named(
     table[:times, 1] = other
     remarks = choose(read_sheet(written(tmp_path / "s.csv", table, "a,y")), ["y"]).remarks
     assert any("y is -999 in 3 rows" in remark for remark in remarks) == said
-    assert len(remarks) == said
+    assert sum("stands for no value" in remark for remark in remarks) == said
+
+
+def test_one_value_in_many_rows_of_an_output_that_else_hardly_repeats_is_named(
+    tmp_path: Path,
+) -> None:
+    table = np.random.default_rng(1).random((100, 2))
+    for times, said in ((12, True), (4, False)):
+        table[:times, 1] = 0.0
+        table[times:12, 1] = 0.5 + table[times:12, 0]
+        remarks = choose(read_sheet(written(tmp_path / "s.csv", table, "a,y")), ["y"]).remarks
+        assert any("y is 0 in 12 of 100 rows" in remark for remark in remarks) == said
+    table[:, 1] = np.floor(5.0 * table[:, 0])
+    assert choose(read_sheet(written(tmp_path / "s.csv", table, "a,y")), ["y"]).remarks == ()
 
 
 def test_an_output_that_loses_rows_to_the_gaps_of_another_is_named(tmp_path: Path) -> None:
