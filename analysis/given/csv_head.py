@@ -21,6 +21,8 @@ _SEPARATORS = (",", ";", "\t", "|")
 BLANKS = r"\s+"
 #: How a spreadsheet's CSV may begin: which separator it has.
 _SAID = re.compile(r'"?sep=([,;|:\t])"?', re.IGNORECASE)
+#: Columns that are numbered, at least, for their numbers to be names and no run.
+_FEWEST_NUMBERED = 3
 #: How a spreadsheet's "Unicode text" begins.
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
@@ -40,9 +42,13 @@ class CsvHead:
     named: int
     #: The first lines were numbers already.
     unlabelled: bool
+    #: Its names are 0, 1, 2, ... or 1, 2, 3, ..., as programs number columns without names.
+    numbered: bool
     #: Lines above the table, which say what it is; and above its first numbers.
     above: int
     before: int
+    #: Lines of the table's own that its names take, as programs count them: one, or none.
+    header: int
 
 
 def whole_lines(name: str, start: bytes, file: BinaryIO) -> bytes:
@@ -101,6 +107,10 @@ def read_head(file: str, start: bytes) -> CsvHead:
     first, header_lines = _first_record(lines, separator)
     # A name of a column may be a year, but not all of them.
     unlabelled = all(is_number(cell) or is_missing(cell) for cell in first)
+    numbered = unlabelled and _numbered(first)
+    if unlabelled and not numbered and (said_above := _commented(every[:above], separator, first)):
+        first, unlabelled, header_lines = said_above, False, 0
+    unlabelled = unlabelled and not numbered
     names = [on_one_line(cell) for cell in first]
     named = max((n for n, name in enumerate(names, 1) if name), default=0)
     return CsvHead(
@@ -113,9 +123,37 @@ def read_head(file: str, start: bytes) -> CsvHead:
         nameless=frozenset(f"column_{n}" for n, name in enumerate(names, 1) if not name),
         named=len(names) if unlabelled else named,
         unlabelled=unlabelled,
+        numbered=numbered,
         above=above,
+        header=int(not unlabelled and header_lines > 0),
         before=above + (0 if unlabelled else header_lines),
     )
+
+
+def _numbered(cells: Sequence[str]) -> bool:
+    """Say whether cells count from 0 or 1 on, behind an empty one for the index, if any.
+
+    Two numbers may be a run.
+    """
+    numbers = cells[1:] if cells and not cells[0].strip() else cells
+    counted = [str(number) for number in range(len(numbers) + 1)]
+    bare = [cell.strip() for cell in numbers]
+    return len(bare) >= _FEWEST_NUMBERED and bare in (counted[:-1], counted[1:])
+
+
+def _commented(above: Sequence[str], separator: str, first: Sequence[str]) -> list[str] | None:
+    """Return the names that stand behind a # right above numbers, as numpy writes them, or None.
+
+    There are as many as numbers, and none is a number itself.
+    """
+    line = above[-1] if above else ""
+    if not line.startswith("#"):
+        return None
+    text = line.lstrip("# ")
+    cells = text.split() if separator == BLANKS else next(csv.reader([text], delimiter=separator))
+    bare = [cell.strip() for cell in cells]
+    named = len(bare) == len(first) > 1 and all(bare)
+    return bare if named and not any(map(is_number, bare)) else None
 
 
 def _decoded(start: bytes) -> tuple[str, str]:

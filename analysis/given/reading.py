@@ -36,6 +36,8 @@ class Sheet:
     texts: Mapping[str, str]
     #: The first lines were numbers already: columns are called column_1, column_2, ...
     unlabelled: bool = False
+    #: The first line counts the columns, and is taken for their names.
+    numbered: bool = False
 
 
 def read_sheet(path: Path) -> Sheet:
@@ -111,6 +113,7 @@ def _csv(path: Path, start: bytes) -> Sheet:
         numbers=numbers,
         texts=texts,
         unlabelled=head.unlabelled,
+        numbered=head.numbered,
     )
 
 
@@ -139,7 +142,7 @@ def _table(path: Path, head: CsvHead) -> pandas.DataFrame:
                 sep=head.separator,
                 names=head.names,
                 # A name that goes on in the next line is one line to it.
-                skiprows=head.above + (0 if head.unlabelled else 1),
+                skiprows=head.above + head.header,
                 dtype=str,
                 keep_default_na=False,
                 skipinitialspace=True,

@@ -66,6 +66,11 @@ def choose(
     for name in outputs:
         _check_column(sheet, name)
     remarks: list[str] = []
+    if sheet.numbered:
+        remarks.append(
+            f"Its first line, {', '.join(sheet.columns)}, is taken for the names of columns, "
+            "as programs number them: if it is a run, give every column a name."
+        )
     if factors is None:
         factors = known_factors or [name for name in sheet.numbers if name not in outputs]
         counting = [name for name in factors if _counts(sheet.numbers[name])]

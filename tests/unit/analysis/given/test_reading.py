@@ -355,6 +355,47 @@ def test_a_number_that_may_stand_for_none_is_named(
     assert sum("stands for no value" in remark for remark in remarks) == said
 
 
+@pytest.mark.parametrize("start", [0, 1])
+@pytest.mark.parametrize("index", [False, True])
+def test_a_header_that_counts_the_columns_is_names_and_no_run(
+    tmp_path: Path, start: int, index: bool
+) -> None:
+    """It was one more run, far from all others, without a word."""
+    table = np.random.default_rng(1).random((80, 3)) / 100.0
+    names = [str(start + n) for n in range(3)]
+    if index:
+        table = np.column_stack([np.arange(80), table])
+        names = ["", *names]
+    path = written(tmp_path / "numbered.csv", table, ",".join(names))
+    found = choose(read_sheet(path), [names[-1]])
+    assert len(found.x) == 80 and found.factors == tuple(names[-3:-1])
+    assert any("is taken for the names of columns" in remark for remark in found.remarks)
+
+
+@pytest.mark.parametrize("first", ["0,1", "0,1,3", "0.0,1.0,2.0", "2,3,4"])
+def test_other_numbers_are_a_run(tmp_path: Path, first: str) -> None:
+    table = np.random.default_rng(1).random((80, first.count(",") + 1))
+    assert len(choose(read_sheet(written(tmp_path / "x.csv", table, first)), ["column_2"]).x) == 81
+
+
+@pytest.mark.parametrize("separator", [",", " "])
+def test_names_behind_a_mark_of_comments_right_above_numbers_are_names(
+    tmp_path: Path, separator: str
+) -> None:
+    table = np.random.default_rng(1).random((80, 3))
+    path = tmp_path / "saved.csv"
+    header = separator.join(["mass", "k", "y"])
+    np.savetxt(path, table, header=f"made by hand\n{header}", delimiter=separator)
+    sheet = read_sheet(path)
+    assert (
+        sheet.columns == ("mass", "k", "y") and sheet.numbers["y"].tolist() == table[:, 2].tolist()
+    )
+    np.savetxt(path, table, header="seed 3", delimiter=separator)
+    assert read_sheet(path).columns == ("column_1", "column_2", "column_3")
+    np.savetxt(path, table, header=separator.join("123"), delimiter=separator)
+    assert read_sheet(path).unlabelled
+
+
 def test_one_value_in_many_rows_of_an_output_that_else_hardly_repeats_is_named(
     tmp_path: Path,
 ) -> None:
