@@ -55,6 +55,11 @@ def read_sheet(path: Path) -> Sheet:
             return _parquet(path)
         if not start.strip():
             raise GivenError("it is empty", file=path.name)
+        if start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"["):
+            raise GivenError(
+                "it is JSON or the like, and tables are read as CSV or Parquet: write it as one",
+                file=path.name,
+            )
         if b"\0" in start and not start.startswith(UTF_16):
             raise GivenError("it is neither CSV nor Parquet", file=path.name)
         start = whole_lines(path.name, start, file)

@@ -1,5 +1,6 @@
 """What is analysed of a sheet: factors, outputs, and the rows that have all of them."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,8 @@ Array = NDArray[np.float64]
 
 #: Factors times outputs at most: what the measures take is proportional to them.
 MOST_PAIRS = 1000
+#: Columns that are shown of a table, and characters of their names.
+_SHOWN, _QUOTED = 30, 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,9 +58,9 @@ def choose(
     known_factors, known_outputs = _of_a_study(sheet)
     if known_outputs:
         sheet = _in_order(sheet)
-    outputs = list(dict.fromkeys(map(on_one_line, outputs))) or known_outputs
+    outputs = list(dict.fromkeys(_called(sheet, name) for name in outputs)) or known_outputs
     if not outputs:
-        shown = ", ".join(sheet.numbers)
+        shown = _listed(list(sheet.numbers))
         named = "its lines have no names; " if sheet.unlabelled else ""
         raise GivenError(
             f"{named}say which column is the output: it has {shown or 'no column of numbers'}",
@@ -68,7 +71,7 @@ def choose(
     remarks: list[str] = []
     if sheet.numbered:
         remarks.append(
-            f"Its first line, {', '.join(sheet.columns)}, is taken for the names of columns, "
+            f"Its first line, {_listed(list(sheet.columns))}, is taken for the names of columns, "
             "as programs number them: if it is a run, give every column a name."
         )
     if factors is None:
@@ -88,7 +91,7 @@ def choose(
         if shown := ", ".join(name for name, text in texts.items() if not text):
             remarks.append(f"Columns that are empty are left out: {shown}.")
     else:
-        factors = list(dict.fromkeys(map(on_one_line, factors)))
+        factors = list(dict.fromkeys(_called(sheet, name) for name in factors))
         for name in factors:
             _check_column(sheet, name)
             if name in outputs:
@@ -164,6 +167,8 @@ def _sample(
         y=np.column_stack([sheet.numbers[name] for name in outputs]),
         remarks=tuple(remarks),
     )
+
+
 def _of_other_outputs(names: Sequence[str], factors: int, table: Array) -> list[str]:
     """Return the remark on outputs that lose rows to what others lack.
 
@@ -240,6 +245,21 @@ def _finite(values: Array) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(values).all(axis=1), dtype=np.bool_)
 
 
+def _called(sheet: Sheet, name: str) -> str:
+    """Return a column's whole name if only its unit is lacking: y of "y [Nm]" or "y (Nm)"."""
+    name = on_one_line(name)
+    whole = [one for one in sheet.columns if re.split(r"\s*[\[(]", one, maxsplit=1)[0] == name]
+    return whole[0] if name not in sheet.columns and len(whole) == 1 else name
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return names as a sentence has them: so many, and of each so much, as is read."""
+    shown = ", ".join(
+        name if len(name) <= _QUOTED else f"{name[:_QUOTED]}..." for name in names[:_SHOWN]
+    )
+    return shown + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
+
+
 def _check_column(sheet: Sheet, name: str) -> None:
     if sheet.texts.get(name) == "":
         raise GivenError(f"column {name} is empty", file=sheet.file, column=name)
@@ -252,5 +272,6 @@ def _check_column(sheet: Sheet, name: str) -> None:
         )
     if name not in sheet.numbers:
         raise GivenError(
-            f"it has no column {name!r}: it has {', '.join(sheet.columns)}", file=sheet.file
+            f"it has no column {name[:_QUOTED]!r}: it has {_listed(sheet.columns)}",
+            file=sheet.file,
         )

@@ -396,6 +396,31 @@ def test_names_behind_a_mark_of_comments_right_above_numbers_are_names(
     assert read_sheet(path).unlabelled
 
 
+def test_a_column_is_found_without_its_unit_if_only_one_is_called_so(tmp_path: Path) -> None:
+    table = np.random.default_rng(1).random((80, 3))
+    sheet = read_sheet(written(tmp_path / "u.csv", table, "a [kg],b (mm),y [Nm]"))
+    assert choose(sheet, ["y"], ["b"]).outputs == ("y [Nm]",)
+    twice = read_sheet(written(tmp_path / "u.csv", table, "a [kg],y [mm],y [Nm]"))
+    with pytest.raises(GivenError, match="no column 'y'"):
+        choose(twice, ["y"])
+
+
+def test_what_is_quoted_of_a_file_is_bounded(tmp_path: Path) -> None:
+    """A JSON file was quoted as a whole: 22 631 characters."""
+    path = tmp_path / "runs.json"
+    path.write_text('[{"a": 1, "y": 2}' + ', {"a": 1, "y": 2}' * 1000 + "]")
+    with pytest.raises(GivenError, match="tables are read as CSV or Parquet"):
+        read_sheet(path)
+    names = [f"{n}{'x' * 200}" for n in range(500)]
+    wide = Sheet(
+        file="w.csv", columns=tuple(names), numbers={n: np.arange(80.0) for n in names}, texts={}
+    )
+    for outputs in ([], ["z" * 5000]):
+        with pytest.raises(GivenError, match="470 more") as caught:
+            choose(wide, outputs)
+        assert len(str(caught.value)) < 2500
+
+
 def test_one_value_in_many_rows_of_an_output_that_else_hardly_repeats_is_named(
     tmp_path: Path,
 ) -> None:
