@@ -21,6 +21,7 @@ from analysis.given.sample import Sample, choose
 from analysis.given.spread import quasi_random
 from analysis.given.tails import on_few_rows
 from analysis.given.used import used
+from analysis.given.walks import one_line_off
 from analysis.given.waves import missed
 from analysis.json_values import number
 from analysis.sensitivity.estimators import Estimate
@@ -107,7 +108,8 @@ def answer(sample: Sample) -> dict[str, Any]:
             if not depending and not clusters:
                 remarks += doubts.apart(name, doubts.shares(of_samples[name]), LEVEL)
             remarks += rest_in_order(name, y[rows.order, o], sample.factors, x[rows.order])
-    if len(x) and (rows.design is None or rows.design.method == "morris"):
+    # A Saltelli design has total-order indices.
+    if len(x) and rows.drawn and (rows.design is None or rows.design.method == "morris"):
         for o, name in enumerate(sample.outputs):
             told = doubts.shares(of_samples[name])
             remarks += unexplained(
@@ -124,6 +126,8 @@ def answer(sample: Sample) -> dict[str, Any]:
     by_design = {
         name: _of_design(designed, o, sample.factors) for o, name in enumerate(sample.outputs)
     }
+    for o, name in enumerate(sample.outputs):
+        remarks += one_line_off(name, design, points.sample.x, points.sample.y[:, o])
     for name, of_design in by_design.items():
         told, first = doubts.shares(of_samples[name]), of_design.get("first_order", {})
         independent = {"the design's S": first} if first else {}
