@@ -64,5 +64,6 @@ def clustered(x: Array, depending: Sequence[tuple[int, int]] = ()) -> list[str]:
     return [
         "Rows lie in clusters: there are more close by each than if its factors had been drawn "
         f"independently. They tell about as much as {rows:.0f} rows of {len(x):,} would, or fewer: "
-        "intervals are too narrow, and p-values too small."
+        "intervals are too narrow, and p-values too small. Or three factors or more depend on each "
+        "other, though no two of them do."
     ]
