@@ -65,5 +65,5 @@ def clustered(x: Array, depending: Sequence[tuple[int, int]] = ()) -> list[str]:
         "Rows lie in clusters: there are more close by each than if its factors had been drawn "
         f"independently. They tell about as much as {rows:.0f} rows of {len(x):,} would, or fewer: "
         "intervals are too narrow, and p-values too small. Or three factors or more depend on each "
-        "other, though no two of them do."
+        "other, as sums do on their terms."
     ]
