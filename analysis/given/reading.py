@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     import pandas
 
 
+#: How JSON of a table begins: {"a": ..., [{"a": ... or [[1, ...; a name may begin with a bracket.
+_JSON = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[\[{])')
+
+
 @dataclass(frozen=True, kw_only=True)
 class Sheet:
     """The columns of a file."""
@@ -55,7 +59,7 @@ def read_sheet(path: Path) -> Sheet:
             return _parquet(path)
         if not start.strip():
             raise GivenError("it is empty", file=path.name)
-        if start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"["):
+        if _JSON.match(start):
             raise GivenError(
                 "it is JSON or the like, and tables are read as CSV or Parquet: write it as one",
                 file=path.name,

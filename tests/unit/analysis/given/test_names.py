@@ -67,6 +67,9 @@ def test_what_is_quoted_of_a_file_is_bounded(tmp_path: Path) -> None:
     path.write_text('[{"a": 1, "y": 2}' + ', {"a": 1, "y": 2}' * 1000 + "]")
     with pytest.raises(GivenError, match="tables are read as CSV or Parquet"):
         read_sheet(path)
+    # A name may begin with a bracket.
+    path.write_text("[m] a,{y}\n" + "1,2\n" * 3)
+    assert read_sheet(path).columns == ("[m] a", "{y}")
     names = [f"{n}{'x' * 200}" for n in range(500)]
     wide = Sheet(
         file="w.csv", columns=tuple(names), numbers={n: np.arange(80.0) for n in names}, texts={}
