@@ -132,7 +132,9 @@ def _moved(recording: Recording) -> Iterator[Joint]:
         unknown = np.column_stack(
             [velocity, np.tanh(velocity / (STEP * spread)), recording.acceleration[:, number]]
         )
-        links = [recording.rigid[:, number], recording.static[:, number], recording.weight(number)]
+        # Without declared damping, which may be anybody's guess: velocity has its own unknown.
+        rigid = recording.rigid[:, number] - recording.motor_damping(number) * velocity
+        links = [rigid, recording.static[:, number], recording.weight(number)]
         position = recording.position[:, number] - recording.position[rows, number].mean()
         table = recording.filtered(np.column_stack([*links, unknown, position]))[rows]
         yield Joint(
@@ -190,29 +192,53 @@ def _better(own: Mapping[int, float], other: Mapping[int, float]) -> bool:
     )
 
 
+def turned_efforts(recording: Recording) -> list[str]:
+    """Return the joints of a robot whose effort the declared links explain turned round."""
+    joints = _joints(recording)
+    return [joint.name for joint in _turned(_doubtful(joints), len(joints))]
+
+
+def _doubtful(joints: list[Joint]) -> list[Joint]:
+    """Return the joints whose effort the declared links leave, and that move far enough to tell."""
+    far = (joint for joint in joints if np.ptp(joint.position) > TRAVEL)
+    return [joint for joint in far if joint.left(joint.effort) > LITTLE]
+
+
+def _turned(doubtful: list[Joint], many: int) -> list[Joint]:
+    """Return the joints whose effort is turned round.
+
+    One alone has to leave less than half of what it leaves as recorded. Efforts have one convention
+    in all of a log: beside most others that are turned, one that is better so is turned, too. (A
+    stranger's KUKA LBR, of whose last joint friction is all that is felt.)
+
+    Args:
+        doubtful: joints whose effort the declared links leave.
+        many: number of all joints.
+    """
+    own = {joint.number: joint.left(joint.effort) for joint in doubtful}
+    other = {joint.number: joint.left(-joint.effort) for joint in doubtful}
+    sure = {
+        joint.number
+        for joint in doubtful
+        if other[joint.number] < LEAVES * own[joint.number]
+        # Behind a counterweight only gravity is turned round, and friction still resists.
+        and other[joint.number] < BALANCED * joint.left(joint.effort, balanced=True)
+    }
+    if 2 * len(sure) > max(many, 2):
+        sure |= {number for number in own if other[number] < BALANCED * own[number]}
+    return [joint for joint in doubtful if joint.number in sure]
+
+
 def _wrong_columns(joints: list[Joint]) -> tuple[list[tuple[str, str]], float]:
     """Return efforts that are another's or turned round, with why, and what then is left.
 
-    What is exchanged comes first: it leaves less than half of what is left of one turned round.
+    What is exchanged comes first: it leaves less than half of what is left of one turned round. But
+    not where more are turned round than are exchanged: these are one mistake.
     """
-    own = {joint.number: joint.left(joint.effort) for joint in joints}
-    doubtful = [
-        joint for joint in joints if own[joint.number] > LITTLE and np.ptp(joint.position) > TRAVEL
-    ]
-    left, found = dict(own), []
-    for joint in doubtful:
-        turned = joint.left(-joint.effort)
-        # Behind a counterweight only gravity is turned round, and friction still resists.
-        balanced = joint.left(joint.effort, balanced=True)
-        if turned < LEAVES * own[joint.number] and turned < BALANCED * balanced:
-            left[joint.number] = turned
-            why = (
-                f"has the opposite sign of what {joint.name} needs: turned round the declared "
-                f"model leaves {turned:.0%} of its variance, as recorded "
-                f"{own[joint.number]:.0%}; effort is positive along the joint's axis, as position "
-                "is"
-            )
-            found.append((f"{joint.name}.effort", why))
+    left = {joint.number: joint.left(joint.effort) for joint in joints}
+    own, doubtful = dict(left), _doubtful(joints)
+    turned, found = _turned(doubtful, len(joints)), []
+    left |= {joint.number: joint.left(-joint.effort) for joint in turned}
     for one, other in combinations(doubtful, 2):
         if len(one.effort) != len(other.effort):
             continue
@@ -225,8 +251,28 @@ def _wrong_columns(joints: list[Joint]) -> tuple[list[tuple[str, str]], float]:
                 f"recorded {own[other.number]:.0%} and {own[one.number]:.0%}; exchange their "
                 "columns, of position or of effort"
             )
-            found.insert(0, (f"{one.name}.effort", why))
+            found.append((f"{one.name}.effort", why))
+    if turned:
+        told = f"{turned[0].name}.effort", _of_turned(turned, own)
+        found.insert(0 if len(turned) > 2 * len(found) else len(found), told)
     return found, sum(left.values())
+
+
+def _of_turned(turned: list[Joint], own: Mapping[int, float]) -> str:
+    """Return why efforts are refused as turned round, every one with what it leaves."""
+    first, *more = turned
+    as_well = (
+        f" (so have those of {', '.join(joint.name for joint in more)}; turn all of them)"
+        if more
+        else ""
+    )
+    there = ", ".join(f"{joint.left(-joint.effort):.0%}" for joint in turned)
+    here = ", ".join(f"{own[joint.number]:.0%}" for joint in turned)
+    return (
+        f"has the opposite sign of what {first.name} needs{as_well}: turned round the declared "
+        f"model leaves {there} of the variance, as recorded {here}; effort is positive along "
+        "the joint's axis, as position is"
+    )
 
 
 def _unfelt_weights(joints: list[Joint]) -> Iterator[str]:

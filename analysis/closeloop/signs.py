@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.closeloop.errors import SessionError
+from analysis.closeloop.misdeclared import turned_efforts
 from analysis.closeloop.remedies import scaled
 from analysis.closeloop.session.faults import fault
 from analysis.closeloop.session.plausibility import LEAST_MOTION, in_motion, unknown_columns
@@ -24,40 +25,49 @@ def check_signs(recording: Recording) -> None:
     the joint drives the motor, and inertia or stiffness comes out negative too, a sign is wrong.
 
     Raises:
-        SessionError: names the joint's effort column in the first trial.
+        SessionError: names the first such joint's effort column in the first trial, and the others.
     """
-    for joint in recording.joints:
-        rows = in_motion(recording, joint)
-        if int(rows.sum()) < LEAST_MOTION * recording.rate or _moved_once(recording, rows):
-            continue
-        if np.ptp(recording.position[rows, joint]) < TRAVEL:
-            continue
-        # Without declared friction, which may be too high: its sign has its own unknown.
-        effort, known = recording.effort[rows, joint], recording.rigid[rows, joint]
-        velocity, unknown = recording.velocity[rows, joint], unknown_columns(recording, joint)[rows]
-        table = np.column_stack([known, unknown])
-        found = np.linalg.lstsq(table, effort, rcond=None)[0]
-        rest = effort - table @ found
-        spread = float(((effort - effort.mean()) ** 2).sum())
-        explained = 1.0 - float(rest @ rest) / max(spread, 1e-300)
-        power = float((velocity * (table[:, 3:] @ found[3:])).mean())
-        scale = float(np.sqrt((effort**2).mean() * (velocity**2).mean()))
-        both_ways = abs(float(velocity.sum())) < 0.5 * float(np.abs(velocity).sum())
-        if explained < 0.8 or power > -0.02 * scale or not both_ways:
-            continue
-        declared = _independent(known, unknown, effort)
-        if declared and found[0] > 0.5:
-            # Weight and inertia are there with the sign they should have.
-            continue
-        turned = declared and -1.5 < found[0] < -0.5
-        name = recording.name(joint)
-        first = recording.session.trials[recording.fit_trials[0]].file
-        if turned or found[2] < 0:
-            why = (
-                f"has the opposite sign of what {name} needs: as recorded, the joint drives the "
-                "motor; effort is positive along the joint's axis, as position is"
-            )
-            raise SessionError(why, file=first, column=f"{name}.effort", line=2)
+    driving = {recording.name(j) for j in recording.joints if _drives_its_motor(recording, j)}
+    if not driving:
+        return
+    first = recording.session.trials[recording.fit_trials[0]].file
+    wrong = driving.union(turned_efforts(recording))
+    name, *others = (joint for joint in map(recording.name, recording.joints) if joint in wrong)
+    as_well = f" (so have those of {', '.join(others)}; turn all of them)" if others else ""
+    why = (
+        f"has the opposite sign of what {name} needs{as_well}: as recorded, the joint drives the "
+        "motor; effort is positive along the joint's axis, as position is"
+    )
+    raise SessionError(why, file=first, column=f"{name}.effort", line=2)
+
+
+def _drives_its_motor(recording: Recording, joint: int) -> bool:
+    """Whether a joint gives energy to its motor, and its inertia or weight is turned round, too."""
+    rows = in_motion(recording, joint)
+    if int(rows.sum()) < LEAST_MOTION * recording.rate or _moved_once(recording, rows):
+        return False
+    if np.ptp(recording.position[rows, joint]) < TRAVEL:
+        return False
+    # Without declared friction and damping, which may be too high: their sign has its own unknown.
+    effort, velocity = recording.effort[rows, joint], recording.velocity[rows, joint]
+    known = recording.rigid[rows, joint] - recording.motor_damping(joint) * velocity
+    unknown = unknown_columns(recording, joint)[rows]
+    table = np.column_stack([known, unknown])
+    found = np.linalg.lstsq(table, effort, rcond=None)[0]
+    rest = effort - table @ found
+    spread = float(((effort - effort.mean()) ** 2).sum())
+    explained = 1.0 - float(rest @ rest) / max(spread, 1e-300)
+    power = float((velocity * (table[:, 3:] @ found[3:])).mean())
+    scale = float(np.sqrt((effort**2).mean() * (velocity**2).mean()))
+    both_ways = abs(float(velocity.sum())) < 0.5 * float(np.abs(velocity).sum())
+    if explained < 0.8 or power > -0.02 * scale or not both_ways:
+        return False
+    declared = _independent(known, unknown, effort)
+    if declared and found[0] > 0.5:
+        # Weight and inertia are there with the sign they should have.
+        return False
+    turned = declared and -1.5 < found[0] < -0.5
+    return bool(turned or found[2] < 0)
 
 
 def _moved_once(recording: Recording, rows: np.ndarray) -> bool:

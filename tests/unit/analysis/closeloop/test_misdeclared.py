@@ -48,6 +48,64 @@ def test_an_effort_that_is_turned_round_is_refused(robot: Recording, joint: int)
     assert "has the opposite sign" in str(error)
 
 
+def test_every_effort_that_is_turned_round_is_named_at_once(robot: Recording) -> None:
+    error = refused(replace(robot, effort=-robot.effort, cache={}))
+    assert error.column == "shoulder.effort"
+    assert "what shoulder needs (so have those of elbow; turn all of them)" in str(error)
+
+
+def test_declared_damping_that_nobody_measured_hides_no_turned_effort(robot: Recording) -> None:
+    """Of a stranger's KUKA, whose file has 10 Nm s/rad at every joint, of whatever size."""
+    spec = mujoco.MjSpec.from_string(mjcf(Arm()))
+    for name in ("shoulder", "elbow"):
+        spec.joint(name).damping[0] = 20.0
+    guessed = replace(robot, device=Device(spec, ()), cache={})
+    check_signs(guessed)
+    check_declared(guessed)
+    turned = replace(guessed, effort=-robot.effort, cache={})
+    assert "(so have those of elbow; turn all of them)" in str(refused(turned))
+    with pytest.raises(SessionError, match="so have those of elbow; turn all of them"):
+        check_signs(turned)
+
+
+def felt(name: str, effort: np.ndarray, declared: np.ndarray, velocity: np.ndarray) -> Joint:
+    one, none = np.ones(len(effort)), np.zeros((len(effort), 3))
+    return Joint(
+        number=ord(name),
+        name=name,
+        effort=effort,
+        declared=declared,
+        static=none[:, 0],
+        weight=none,
+        position=np.linspace(-1.0, 1.0, len(effort)),
+        unknown=np.column_stack([velocity, one, -one]),
+    )
+
+
+def test_beside_most_that_are_turned_round_a_joint_that_hardly_tells_is_named_too() -> None:
+    """Efforts have one convention: friction of a light joint alone would not be enough."""
+    links, velocity, noise = np.random.default_rng(2).standard_normal((3, 5, 1000))
+    heavy = [felt(n, -links[i], links[i], velocity[i]) for i, n in enumerate("abc")]
+    light = felt("d", -velocity[3] + 1.2 * noise[3], 0.0 * links[3], velocity[3])
+    (column, why), *others = _wrong_columns([*heavy, light])[0]
+    assert column == "a.effort" and "(so have those of b, c, d; turn all of them)" in why
+    assert not others and _wrong_columns([light])[0] == []
+    right = [felt(n, links[i], links[i], velocity[i]) for i, n in enumerate("abc")]
+    assert _wrong_columns([*right, light])[0] == []
+
+
+def test_where_all_are_turned_round_no_two_are_said_to_be_exchanged() -> None:
+    """A stranger's first and fifth joints, of nearly one torque, would have passed for that."""
+    links, velocity = np.random.default_rng(3).standard_normal((2, 4, 1000))
+    common, own = links[:2]
+    joints = [felt(n, -links[i], links[i], velocity[i]) for i, n in enumerate("abcd")]
+    joints[0] = felt("a", -common + 0.9 * own, common, velocity[0])
+    joints[1] = felt("b", common - 0.3 * own, own - common, velocity[1])
+    (column, why), (_, other) = _wrong_columns(joints)[0]
+    assert column == "a.effort" and "(so have those of b, c, d; turn all of them)" in why
+    assert "looks exchanged with that of b" in other
+
+
 def test_two_efforts_that_are_exchanged_are_refused(robot: Recording) -> None:
     error = refused(replace(robot, effort=robot.effort[:, ::-1], cache={}))
     assert error.column == "shoulder.effort" and "exchanged with that of elbow" in str(error)
