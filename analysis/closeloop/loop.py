@@ -20,6 +20,7 @@ from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.sticking import driven, samples_step
 from analysis.closeloop.identification.balance.trial_error import TrialError
 from analysis.closeloop.identification.findings import Carried, Event, Outcome, Trace
+from analysis.closeloop.identification.guessed import doubtful_guesses
 from analysis.closeloop.identification.interface import beyond_interface
 from analysis.closeloop.identification.loads.carried import supposing_loads
 from analysis.closeloop.identification.loads.lone_joint import supposing_lone_loads
@@ -169,6 +170,7 @@ def close_loop(
     report["warnings"] += said_of_unread(found.recording.session.unknown)
     report["warnings"] += doubtful_units(found.recording)
     report["warnings"] += doubtful_gravity(found.recording)
+    report["warnings"] += doubtful_guesses(found.recording)
     xml, elements, warnings = repaired_model(found.recording.device, report)
     for effect, element in zip(report["effects"], elements, strict=False):
         effect["mujoco_element"] = element

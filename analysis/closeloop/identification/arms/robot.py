@@ -66,6 +66,7 @@ from analysis.closeloop.identification.friction.plain_friction import (
 )
 from analysis.closeloop.identification.growing.friction_laws import with_wound_laws
 from analysis.closeloop.identification.growing.steps import grow
+from analysis.closeloop.identification.guessed import guessed_damping
 from analysis.closeloop.identification.presliding import only_presliding
 from sim.effects.laws.loose_link import LooseLink
 
@@ -192,6 +193,7 @@ def pruned(model: Model, rows: Rows, links: Links) -> Model:
     Of every joint the least missed goes first, and then the others are asked again.
     """
     free, links = model.given is not None, freed_links(model, links)
+    guessed = guessed_damping(model.recording)
     fit = WholeFit(replace(model, given=None), rows, links)
     scored = fit.with_links if free else fit.alone
     kept = list(range(len(model.terms)))
@@ -210,6 +212,9 @@ def pruned(model: Model, rows: Rows, links: Links) -> Model:
         for number in kept:
             term = model.terms[number]
             if term.candidate is None or term.candidate.effect.name in SHARED:
+                continue
+            # What is declared there is no null that trials have to speak against.
+            if term.candidate.effect.name == "viscous_friction" and term.joint in guessed:
                 continue
             without = scored([other for other in kept if other != number])
             # What is loose shakes every joint.
