@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 Theta = Mapping[str, float]
 #: Closed interval of every parameter, SI units.
 Limits = Mapping[str, tuple[float, float]]
+#: Turns of a joint without a declared range, and of one with any, beyond which nothing winds up.
+TURNS, MOST_TURNS = 2.0, 10.0
 #: What a bound that a fit ends at may be missed by.
 ROUNDING = 1e-9
 #: For each joint (column number) that an effect acts on, its columns, shape (n, coefficients).
@@ -46,6 +48,8 @@ class Effect(ABC):
     # Where it can be.
     #: Whether only a living limb has it: then the joint is one of the session's `limb_joints`.
     limb: bool = False
+    #: Whether it goes with the position, but with no period: what turns for ever has no such thing.
+    bounded: bool = False
 
     # In a simulated assessment.
     #: Whose joint has it; None if no assessment can have it.
@@ -110,6 +114,8 @@ class Effect(ABC):
 
     def applies(self, recording: Recording, joint: int) -> bool:
         """Whether the effect can be asked of this joint of this device."""
+        if self.bounded and turns_freely(recording, joint):
+            return False
         return not self.limb or joint in recording.limbs
 
     def thetas(self, joint: RecordedJoint) -> list[Theta]:
@@ -238,6 +244,19 @@ class Effect(ABC):
             ValueError: a parameter is missing or the result is not physical.
         """
         return None
+
+
+def turns_freely(recording: Recording, joint: int) -> bool:
+    """Whether a joint turns more often than its cables and springs could: as a motor does.
+
+    Two full turns are as far as any robot's joint goes whose file declares no range; over ten no
+    cable winds up, whatever range is declared.
+    """
+    if not recording.is_hinge(joint):
+        return False
+    low, high = recording.declared_range(joint)
+    most = MOST_TURNS if high > low else TURNS
+    return bool(np.ptp(recording.position[:, joint]) > 2.0 * np.pi * most)
 
 
 class AppliedEffect(Effect):

@@ -85,6 +85,9 @@ class Recording(Protocol):
     def is_hinge(self, joint: int) -> bool:
         """Return whether the joint turns; else it slides."""
 
+    def declared_range(self, joint: int) -> tuple[float, float]:
+        """Return the range that the joint's device declares, rad or m; (0, 0) if none."""
+
     def motor_inertia(self, joint: int) -> float:
         """Return the declared inertia of the joint's motor (armature), kg m2 or kg."""
 

@@ -182,6 +182,10 @@ class Recording:
         """Whether the joint turns; else it slides."""
         return self.device.is_hinge(self.name(joint))
 
+    def declared_range(self, joint: int) -> tuple[float, float]:
+        """Return a joint's declared range, rad or m; (0, 0) if it has none."""
+        return self.device.range(self.name(joint))
+
     @cached_property
     def limbs(self) -> tuple[int, ...]:
         """Joints at which a limb acts: those of the nominal arm, or what the session says."""
@@ -259,8 +263,7 @@ class Recording:
     @cached_property
     def top_speed(self) -> np.ndarray:
         """Speed that 1 % of the samples exceed, (joints,); tiny but positive for a held joint."""
-        fastest = np.quantile(np.abs(self.velocity), 0.99, axis=0)
-        return np.asarray(np.maximum(fastest, 1e-9))
+        return np.asarray(np.maximum(np.quantile(np.abs(self.velocity), 0.99, axis=0), 1e-9))
 
     @cached_property
     def rest_speed(self) -> np.ndarray:
@@ -290,21 +293,18 @@ class Recording:
 
         A rest keeps the direction before it: it is no reversal yet.
         """
-        rest_speed = float(self.rest_speed[joint])
-        return self._by_piece(
-            self.velocity[:, joint], lambda piece: since_reversal(piece, rest_speed, self.rate)
-        )
+        speed, least = self.velocity[:, joint], float(self.rest_speed[joint])
+        return self._by_piece(speed, lambda piece: since_reversal(piece, least, self.rate))
 
     def movement_seconds(self, joint: int) -> float:
         """Return how long a joint goes on in one direction, s: the median of the time it takes.
 
         Infinite for one that never moves.
         """
-        directions = [np.sign(own) for own in (self.since_reversal(joint)[p] for p in self.slices)]
         lengths = np.sort(
             [
                 own.stop - own.start
-                for direction in directions
+                for direction in (np.sign(self.since_reversal(joint)[p]) for p in self.slices)
                 for sign in (1.0, -1.0)
                 for own in runs(direction == sign)
             ]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.effects.effect import Law, Theta
+from sim.effects.effect import Law, Theta, turns_freely
 from sim.effects.elements import joint_of
 from sim.effects.functions import Signal, tanh
 from sim.effects.motion import Motion, RecordedJoint, Recording
@@ -125,12 +125,13 @@ class CrossJointCoupling(Law):
             plain = {"other_dof": float(other), "between": 0.0, "by": MOTION}
             # A limb has a stiffness of its own, which nothing tells from a belt's, and no drive.
             driven = number not in recording.limbs
-            if ways[other] > MOVING:
+            winds_up = not any(turns_freely(recording, one) for one in (number, other))
+            if ways[other] > MOVING and winds_up:
                 grid.append(plain)
                 if driven and recording.is_hinge(number) == recording.is_hinge(other):
                     grid.append({**plain, "between": 1.0})
-                if driven:
-                    grid.append({**plain, "by": ACCELERATION})
+            if ways[other] > MOVING and driven:
+                grid.append({**plain, "by": ACCELERATION})
             # A torque sensor may feel another's, whatever its joint moves.
             if _recorded(recording, other, beside=number):
                 grid.append({**plain, "by": EFFORT})

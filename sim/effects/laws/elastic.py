@@ -89,6 +89,7 @@ class Viscoelastic(Effect):
 class JointStiffness(Law):
     """A linear spring: K (q - q_ref)."""
 
+    bounded = True
     name = "joint_stiffness"
     complexity = 2
     signature = "the residual is a straight line against position, the same both ways"
@@ -115,7 +116,7 @@ class JointStiffness(Law):
 class NonlinearStiffness(Law):
     """A spring that hardens, or softens if K3 is below 0: K3 (q - c)^3."""
 
-    limb = elastic = True
+    limb = elastic = bounded = True
     name = "nonlinear_stiffness"
     complexity = 2
     signature = "against position the residual bends at both ends, the same both ways"
@@ -222,4 +223,4 @@ class HardeningSpring(NonlinearStiffness):
     coefficients = ("cubic_stiffness", "stiffness", "torque_at_zero")
 
     def applies(self, recording: Recording, joint: int) -> bool:
-        return joint not in recording.limbs
+        return super().applies(recording, joint) and joint not in recording.limbs

@@ -240,6 +240,7 @@ class PositionDependent(Friction):
     waves much longer than the range, n = 0, the parabola F + a x + b x^2 is left.
     """
 
+    bounded = True
     name = "position_dependent_friction"
     complexity = 4
     signature = "the step with the velocity's sign changes along the range"

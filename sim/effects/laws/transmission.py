@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.effects.effect import AppliedEffect, Columns, Law, Limits, Theta
+from sim.effects.effect import TURNS, AppliedEffect, Columns, Law, Limits, Theta, turns_freely
 from sim.effects.functions import Signal, cos, exp, sin
 from sim.effects.motion import PRESLIDING_SHARE, Motion, RecordedJoint
 from sim.effects.parameter import (
@@ -77,6 +77,8 @@ class TorqueRipple(Law):
         return periods < COMES_BACK
 
 
+#: Way over which a transmission winds up at most where its joint turns for ever, rad.
+WOUND = 2.0 * np.pi * TURNS
 #: Ways over which something winds up, over half the travel.
 WAYS = (0.03, 0.042, 0.06, 0.085, 0.12, 0.17, 0.25, 0.35, 0.5)
 #: How what winds up does so; part of `Hysteresis` and of what else winds up.
@@ -115,7 +117,13 @@ class Hysteresis(AppliedEffect):
 
     def limits(self, joint: RecordedJoint) -> Limits:
         least = PRESLIDING_SHARE * joint.travel[1]
-        return {**super().limits(joint), "distance": (least, np.inf)}
+        # What turns for ever winds nothing up over more than cables do.
+        free = turns_freely(joint.recording, joint.number)
+        return {**super().limits(joint), "distance": (least, WOUND if free else np.inf)}
+
+    def thetas(self, joint: RecordedJoint) -> list[Theta]:
+        most = self.limits(joint)["distance"][1]
+        return [t for t in super().thetas(joint) if t["distance"] * joint.travel[1] <= most]
 
     def columns(self, joint: RecordedJoint, theta: Theta) -> Columns:
         """Return the friction state along the recorded motion; each piece starts at 0."""
