@@ -55,6 +55,7 @@ def inspect(
         of_hertz,
         of_no_joint,
         of_rates,
+        of_turns,
     )
     from analysis.closeloop.logs.joints import (
         joints_in,
@@ -78,7 +79,7 @@ def inspect(
             left += of_other_joints([joints[number] for number in there], known)
             left += of_parted_joints(beliefs, joints) + of_magnitudes(beliefs)
             left += of_variants(beliefs) + of_followed(beliefs)
-            left += of_no_joint(beliefs) + of_hertz(beliefs)
+            left += of_no_joint(beliefs) + of_hertz(beliefs) + of_turns(beliefs)
             left += of_factors(believed, said or ())
             if not any(b.why == AS_SAID and b.joint is not None for b in beliefs):
                 left += of_only_joint(beliefs, known) + of_order(beliefs, known)

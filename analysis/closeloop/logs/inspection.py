@@ -110,6 +110,24 @@ def of_hertz(beliefs: Sequence[Belief]) -> list[str]:
     ]
 
 
+def of_turns(beliefs: Sequence[Belief]) -> list[str]:
+    """Ask of positions that are as likely in radians as in degrees: of what turns on and on."""
+    found = []
+    for belief in beliefs:
+        values = belief.channel.values[np.isfinite(belief.channel.values)]
+        if belief.quantity != "position" or belief.unit != "deg?" or belief.joint is None:
+            continue
+        if np.ptp(values) * pi / 180 > TURNS:
+            way, name = float(np.ptp(values)), belief.channel.name
+            found.append(
+                f"{name} goes through {way:.4g}: a motor that turns on and on does so in degrees "
+                f"({way / 360:.3g} turns) and in radians ({way / 2 / pi:.3g}), a joint with a "
+                f"range in neither; which is it? If in radians, say --as '{name}=JOINT.position*1', and "
+                "of its velocity, too"
+            )
+    return found
+
+
 def of_no_joint(beliefs: Sequence[Belief]) -> list[str]:
     """Say of a log that none of its channels seems to be a joint's."""
     if any(belief.joint is not None for belief in beliefs):

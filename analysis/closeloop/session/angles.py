@@ -18,6 +18,8 @@ DEGREES = 180.0 / np.pi
 #: A velocity that is so many times the slope of its position, or that part of it, has another unit
 #: or another clock: no filter of a robot does that to the whole of a motion.
 OFF = 1.5
+#: Two turns, in degrees: what goes further turns on and on, whichever of both units it is in.
+EITHER_WAY = 720.0
 #: Band in which a velocity and the slope of its position are compared, Hz.
 SLOW = 5.0
 #: Correlation of both below which their sizes say nothing.
@@ -33,8 +35,9 @@ def check_degrees(
     """Refuse angles that are degrees by their size; return what to say of a motor that is so fast.
 
     Gearless motors turn faster than any robot's joint. Their file may say that it is in radians, or
-    show it: of degrees beside rad/s the velocity is another than the slope. Degrees beside deg/s
-    are left to what the model's inertia says of them (`check_units`).
+    show it: one that turns on and on, with no joint behind it, may be in either, and of degrees
+    beside rad/s the velocity is another than the slope. Degrees beside deg/s are left to what the
+    model's inertia says of them (`check_units`).
 
     Raises:
         SessionError: names file, column and line.
@@ -58,6 +61,13 @@ def check_degrees(
         beyond &= np.mean(beyond) > MAX_SPEED_SHARE
         if beyond.any() and _says_its_unit(trial, f"{joint}.position"):
             return []
+        if beyond.any() and np.ptp(position) > EITHER_WAY and device.is_last(joint):
+            return [
+                f"{joint} goes through {np.ptp(position):.4g}, and its model has no range: a motor "
+                f"that turns on and on does that in radians ({np.ptp(position) / 2 / np.pi:.3g} "
+                f"turns) and in degrees ({np.ptp(position) / 360:.3g}); taken for radians: if they "
+                "are degrees, no inertia nor damping found is right"
+            ]
         velocity = trial.columns.get(f"{joint}.velocity")
         if beyond.any() and velocity is not None and _agrees(trial, position, velocity):
             return [

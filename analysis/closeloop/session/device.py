@@ -80,6 +80,15 @@ class Device:
         """Return the number of the body that a joint moves."""
         return int(self.model.jnt_bodyid[joint])
 
+    def is_last(self, joint: str) -> bool:
+        """Whether no other joint is behind a joint."""
+        behind = {int(self.model.joint(joint).bodyid[0])}
+        for body in range(min(behind) + 1, self.model.nbody):
+            if int(self.model.body_parentid[body]) in behind:
+                behind.add(body)
+        own = self.model.joint(joint).id
+        return not any(int(b) in behind for j, b in enumerate(self.model.jnt_bodyid) if j != own)
+
     def centre_of_mass(self, joint: int) -> np.ndarray | None:
         """Return that of a joint's body in its frame, m, (3,); None if it lies on the axis."""
         body = self.body(joint)

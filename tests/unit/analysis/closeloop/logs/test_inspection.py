@@ -8,7 +8,7 @@ import pytest
 from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.belief import Belief
 from analysis.closeloop.logs.clock import clock_of
-from analysis.closeloop.logs.inspection import believe, of_hertz, of_rates
+from analysis.closeloop.logs.inspection import believe, of_hertz, of_rates, of_turns
 from analysis.closeloop.logs.joints import joint_names
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.reading import read_log
@@ -325,6 +325,15 @@ def test_a_cartesian_controller_has_joints() -> None:
     m = motion(joints=1)
     name = "/cartesian_controller/state.position[0]"
     assert believed(time=m["time"], **{name: m["position"][:, 0]})[name].quantity == "position"
+
+
+def test_of_a_motor_that_turns_on_and_on_it_is_asked_which_unit_it_is_in() -> None:
+    m = motion(joints=1)
+    turning = 500.0 * (m["time"] + 0.1 * np.sin(m["time"]))
+    (said,) = of_turns([*believed(time=m["time"], q=turning).values()])
+    assert said.startswith("q goes through") and "in degrees (11.2 turns)" in said
+    assert "in radians (644)" in said and "which is it?" in said
+    assert of_turns([*believed(time=m["time"], q=60.0 * m["position"][:, 0]).values()]) == []
 
 
 def test_a_velocity_in_hertz_is_of_its_joint_in_turns_a_second() -> None:

@@ -4,6 +4,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -11,9 +12,12 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.judgement.events import find_events
 from analysis.closeloop.load import load_session
+from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.plausibility import check_saturated, works
 from analysis.closeloop.session.runs import saturated_line
+from tests.testbed.sessions.effects import Arm
 from tests.testbed.sessions.small import HEADER, Folder
+from tests.testbed.sessions.synthetic import mjcf
 
 
 @pytest.fixture
@@ -147,6 +151,28 @@ def test_a_fast_motor_is_read_where_its_velocity_agrees(folder: Folder) -> None:
     assert any("its velocity agrees: if both are in degrees" in said for said in trial.repairs)
     folder.table[:, 1] = np.degrees(folder.table[:, 1])
     assert "degrees" in str(refusal(folder))
+
+
+def turning_motor(folder: Folder) -> None:
+    """Let it turn some three hundred turns, there and back, at up to 600 rad/s."""
+    fast_motor(folder, declared=False)
+    time, noise = folder.table[:, 0], np.random.default_rng(7).standard_normal(4000)
+    phase = 0.2 * np.pi * time
+    folder.table[:, 1] = 1000.0 * (1.0 - np.cos(phase))
+    folder.table[:, 2] = 0.04 * np.cos(phase) + 0.01 * np.sin(phase) + 0.002 * noise
+
+
+def test_a_motor_that_turns_on_and_on_is_read_in_radians_and_asked_about(folder: Folder) -> None:
+    """A stranger's free motor in radians was refused, and in degrees, which was wrong, taken."""
+    turning_motor(folder)
+    (trial,) = load_session(folder.write()).session.trials
+    (said,) = [said for said in trial.repairs if "goes through" in said]
+    assert said.startswith("shaft goes through") and "if they are degrees" in said
+
+
+def test_a_fast_joint_that_carries_another_is_no_motor_that_turns_on_and_on() -> None:
+    device = Device(mujoco.MjSpec.from_string(mjcf(Arm())), ())
+    assert not device.is_last("shoulder") and device.is_last("elbow")
 
 
 @pytest.mark.parametrize(("scale", "read"), [(2 * np.pi, True), (1.0, False)])
