@@ -21,7 +21,7 @@ def inspect(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="CSV, .mat, .npz, HDF5, .bag, .mcap, .db3, or the folder of a ROS 2 bag.",
+            help="CSV, .mat, .npz, .json, HDF5, .bag, .mcap, .db3, or the folder of a ROS 2 bag.",
         ),
     ],
     said: Annotated[

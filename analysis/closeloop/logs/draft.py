@@ -113,7 +113,8 @@ def write_session(
     time = position.channel.time
     if time is None:
         raise SessionError(
-            "no clock is known: name its channel, as in --as 'column 1=time*0.001', or give --rate",
+            "no clock is known: give --rate HZ, samples a second, or name its channel of "
+            f"{listed([b.channel.name for b in beliefs])}, as in --as 'column 1=time*0.001'",
             file=stem,
         )
     remarks = [

@@ -90,8 +90,10 @@ def of_rates(log: Log, beliefs: Sequence[Belief]) -> list[str]:
         for channel, belief in zip(log.channels, beliefs, strict=True)
         if channel.time is None
     ]
-    if any(belief.quantity == "time" for belief in beliefs) or all(t is None for t in times):
+    if any(belief.quantity == "time" for belief in beliefs) or not times:
         return []
+    if all(time is None for time in times):
+        return ["no channel is a clock, and none tells a rate: give --rate HZ, samples a second"]
     rates = sorted({1.0 / float(time[1]) for time in times if time is not None})
     return [
         f"no channel is a clock; velocities over the differences of positions say "
@@ -122,8 +124,8 @@ def of_turns(beliefs: Sequence[Belief]) -> list[str]:
             found.append(
                 f"{name} goes through {way:.4g}: a motor that turns on and on does so in degrees "
                 f"({way / 360:.3g} turns) and in radians ({way / 2 / pi:.3g}), a joint with a "
-                f"range in neither; which is it? If in radians, say --as '{name}=JOINT.position*1', and "
-                "of its velocity, too"
+                f"range in neither; which is it? If in radians, say --as "
+                f"'{name}=JOINT.position*1', and of its velocity, too"
             )
     return found
 

@@ -28,7 +28,7 @@ class Channel:
 class Log:
     """What one file holds."""
 
-    #: "CSV", "MATLAB", "NumPy", "HDF5" or "ROS bag".
+    #: "CSV", "MATLAB", "NumPy", "JSON", "HDF5" or "ROS bag".
     kind: str
     channels: list[Channel] = field(default_factory=list)
     #: What was odd about the file, in sentences.

@@ -1,5 +1,6 @@
 """MATLAB files: every numeric array, of structures too, as channels."""
 
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from analysis.closeloop.logs.log import Log
 
 #: What SciPy calls the format of version 7.3.
 _HDF5 = 2
+#: Cells that hold at most so many numbers each, all alike, hold a sample each: so few are no trial.
+SAMPLE = 32
 
 
 def read(path: Path) -> Log:
@@ -22,15 +25,42 @@ def read(path: Path) -> Log:
         SessionError: the file is damaged.
     """
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError, matfile_version
+    from scipy.io.matlab import MatReadError, MatReadWarning, matfile_version
 
     try:
         if matfile_version(path)[0] == _HDF5:
             return hdf5.read(path, kind="MATLAB")
-        content = loadmat(path, squeeze_me=True, struct_as_record=False)
+        with warnings.catch_warnings():
+            # Objects have no name for SciPy: several are one name twice.
+            warnings.simplefilter("ignore", MatReadWarning)
+            content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except (MatReadError, ValueError, TypeError, OverflowError, IndexError, KeyError) as error:
         raise SessionError(f"is no MATLAB file: {error}", file=path.name) from None
-    return log_of("MATLAB", _arrays(content, ""))
+    log = log_of("MATLAB", _arrays(content, ""))
+    log.remarks += _of_objects(content)
+    return log
+
+
+def _of_objects(content: Mapping[str, Any]) -> list[str]:
+    """Say which objects only MATLAB can read, and how to save what they hold."""
+    from scipy.io.matlab import MatlabOpaque
+
+    kinds: Any = MatlabOpaque
+    found = []
+    for opaque in content.values():
+        if isinstance(opaque, kinds) and opaque.size:
+            entry = opaque.flat[0]
+            name, kind = (bytes(entry[at]).decode("latin-1") for at in ("s0", "s2"))
+            how = {
+                "table": f"s = table2struct({name}, 'ToScalar', true)",
+                "timetable": f"s = table2struct(timetable2table({name}), 'ToScalar', true)",
+                "timeseries": f"s = struct('t', {name}.Time, 'data', squeeze({name}.Data))",
+            }.get(kind, f"s = struct({name})")
+            found.append(
+                f"{name} is a MATLAB {kind}, an object that only MATLAB reads: save its numbers "
+                f"there by {how}; save('log.mat', '-struct', 's')"
+            )
+    return found
 
 
 def _arrays(content: Any, path: str) -> Iterator[tuple[str, np.ndarray]]:
@@ -44,6 +74,9 @@ def _arrays(content: Any, path: str) -> Iterator[tuple[str, np.ndarray]]:
             yield f"{parent}{slash}{named[0]}", named[1]
             return
     elif isinstance(content, np.ndarray) and content.dtype.kind == "O":
+        if (samples := _samples(content)) is not None:
+            yield path, samples
+            return
         fields = {str(number): value for number, value in enumerate(content.flat, start=1)}
     else:
         if isinstance(content, np.ndarray) and content.dtype.kind in "fiub":
@@ -51,6 +84,17 @@ def _arrays(content: Any, path: str) -> Iterator[tuple[str, np.ndarray]]:
         return
     for key, value in fields.items():
         yield from _arrays(value, f"{path}/{key}" if path else key)
+
+
+def _samples(cells: np.ndarray) -> np.ndarray | None:
+    """Return cells of which each holds one sample as a table, (n, joints); None if they do not."""
+    vectors = [cell for cell in cells.flat if isinstance(cell, np.ndarray) and cell.ndim == 1]
+    if len(vectors) < cells.size or not all(one.dtype.kind in "fiub" for one in vectors):
+        return None
+    sizes = {len(one) for one in vectors}
+    if len(sizes) != 1 or not 0 < min(sizes) <= min(SAMPLE, cells.size - 1):
+        return None
+    return np.stack(vectors)
 
 
 def _signal(fields: Mapping[str, Any]) -> tuple[str, np.ndarray] | None:

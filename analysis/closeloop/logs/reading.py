@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.logs import hdf5, matlab, numpy_archive, ros, text
+from analysis.closeloop.logs import hdf5, json_log, matlab, numpy_archive, ros, text
 from analysis.closeloop.logs.log import Log
 
 #: What reads a file, by its ending.
@@ -12,9 +12,12 @@ READERS: Mapping[str, Callable[[Path], Log]] = {
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".log", ".asc", ".sto", ".mot"), text.read),
     ".mat": matlab.read,
     ".npz": numpy_archive.read,
+    ".json": json_log.read,
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read),
     **dict.fromkeys((".bag", ".mcap", ".db3"), ros.read),
 }
+#: Python's pickles, which run whatever code is in them when they are read.
+PICKLES = (".pkl", ".pickle", ".joblib")
 
 
 def read_log(path: Path) -> Log:
@@ -37,6 +40,12 @@ def read_log(path: Path) -> Log:
         raise SessionError("is no file", file=path.name)
     else:
         reader = READERS.get(path.suffix.lower())
+    if path.suffix.lower() in PICKLES:
+        raise SessionError(
+            "is a pickle, which is refused on purpose: whoever reads one runs the code in it; "
+            "where it was written, save its arrays by numpy.savez, or its table by to_csv",
+            file=path.name,
+        )
     if reader is None:
         raise SessionError(f"ends in none of {', '.join(READERS)}", file=path.name)
     try:

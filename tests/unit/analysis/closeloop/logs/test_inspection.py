@@ -393,7 +393,9 @@ def test_velocities_tell_the_rate_of_a_log_without_a_clock(tmp_path: Path) -> No
 def test_pairs_that_say_other_rates_tell_none(tmp_path: Path) -> None:
     log = read_log(clockless(tmp_path / "log.csv", twist=1.5))
     beliefs = believe(log)
-    assert all(b.channel.time is None for b in beliefs) and of_rates(log, beliefs) == []
+    assert (
+        all(b.channel.time is None for b in beliefs) and "give --rate" in of_rates(log, beliefs)[0]
+    )
 
 
 def test_a_log_without_a_clock_has_the_rate_that_its_user_says(tmp_path: Path) -> None:
