@@ -83,9 +83,9 @@ def unexplained(outcome: Outcome) -> dict[str, Any]:
             continue
         share = max(0.0, 1.0 - left.splines_loss / max(left.model_loss, 1e-300))
         lines = sum(peak.rms**2 for peak in beyond.get(joint, []))
-        signals = [*outcome.structures.get(joint, [])]
-        signals += [outcome.by_trial[joint]] if joint in outcome.by_trial else []
-        strongest = max((one.rms for one in signals), default=0.0)
+        sizes = [one.rms for one in outcome.structures.get(joint, [])]
+        sizes += [outcome.by_trial[joint].rms] if joint in outcome.by_trial else []
+        strongest = max(sizes, default=0.0)
         squares = {
             OF_SIGNALS: max(share * smooth_part(found, joint) + lines, strongest**2),
             OF_TRIALS: max([0.0, *(_mean_square(error) - usual for error in odd)]),

@@ -299,20 +299,20 @@ def _retested(
         real = more_than_luck(without.losses, grown.score.losses, folds, ALONE_Z)
         real = real or told_twice(beside, rest, without, rows)
         candidate = step.taken.candidate
-        if (
-            not real
-            or missed < MIN_GAIN * without.loss
-            # What was found since may have another form of friction.
-            or only_presliding(candidate, grown.model, rest, rows)
-        ):
-            grown = Grown(rest, without, tuple(s for s in grown.steps if s is not step))
-            continue
+        missed_much = real and missed >= MIN_GAIN * without.loss
+        # What was found since may have another form of friction.
+        other_form = only_presliding(candidate, grown.model, rest, rows)
         of_form = MIN_LATER_SHARE * before.loss
-        _, again = _next_step(rest, without, rows, tried, MIN_LATER_GAIN, of_form)
+        again = None
+        if missed_much:
+            others = [one for one in tried if one != candidate] if other_form else tried
+            _, again = _next_step(rest, without, rows, others, MIN_LATER_GAIN, of_form)
         if again is None or again.taken.refused:
+            if not missed_much or other_form:
+                grown = Grown(rest, without, tuple(s for s in grown.steps if s is not step))
             continue
         told_apart = step.key not in {option.candidate.key for option in again.equals}
-        equal = again.key == step.key or carries_more(again.taken, step.taken)
+        equal = other_form or again.key == step.key or carries_more(again.taken, step.taken)
         if equal or not told_apart or again.taken.score.loss < grown.score.loss:
             grown = _with_steps([again if s is step else s for s in grown.steps], again)
     return grown

@@ -10,7 +10,7 @@ import pytest
 
 from analysis.closeloop.identification.balance import luck
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
-from analysis.closeloop.identification.balance.regression import Rows, select_rows
+from analysis.closeloop.identification.balance.regression import Rows, compare, select_rows
 from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.candidates import options_beside
 from analysis.closeloop.identification.findings import Grown, Option, Step
@@ -18,7 +18,7 @@ from analysis.closeloop.identification.forms import only_form
 from analysis.closeloop.identification.growing import steps
 from analysis.closeloop.identification.growing.freed import freed, held
 from analysis.closeloop.identification.growing.starts import damped_starts, regrown, richer_starts
-from analysis.closeloop.identification.growing.steps import grow
+from analysis.closeloop.identification.growing.steps import _retested, grow
 from analysis.closeloop.identification.selection import choose
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME
@@ -84,6 +84,28 @@ def test_a_load_beside_the_line_to_its_link_s_centre_is_one_effect(elbow: Record
     load = torque(elbow, "payload", {"distance": 1.6, "aside": 0.5}, 0.4)
     rows = rows_with(elbow, load)
     assert names(rows, "gravity_torque", "torque_gain", "added_inertia", "payload") == ["payload"]
+
+
+def test_friction_of_a_form_that_a_load_lacked_takes_another_beside_it(elbow: Recording) -> None:
+    """It was dropped, since the load may have another, and none came: a stranger's limb with both
+    was unexplained.
+    """
+    names_of = ("hysteresis", "payload")
+    rubs = torque(elbow, "coulomb_friction", {"smooth": 0.004}, 0.5)
+    rows = rows_with(elbow, rubs + torque(elbow, "payload", {"distance": 1.6}, 0.4))
+    before = evaluate(Model(rows.recording), rows)
+    thetas = {"hysteresis": {"distance": 0.004, "exponent": 1.0}, "payload": {"distance": 1.6}}
+    model = Model(rows.recording, terms=tuple(term(rows, name, thetas[name]) for name in names_of))
+    score = evaluate(model, rows)
+    found = []
+    for name in names_of:
+        gain, error = compare(before.losses, score.losses)
+        own = candidate(name)
+        taken = Option(candidate=own, model=model, score=score, gain=gain, z=gain / error)
+        found.append(Step(taken=taken, equals=(), options=(taken,), before=before.loss))
+    tried = [candidate(name) for name in (*names_of, "coulomb_friction")]
+    again = _retested(Grown(model, score, tuple(found)), rows, before, tried, set())
+    assert {step.key[0] for step in again.steps} == {"coulomb_friction", "payload"}
 
 
 def test_what_is_free_while_another_is_tried_is_held_again(elbow: Recording) -> None:
