@@ -109,7 +109,10 @@ def take_snapshot(
     failed = sum(evaluations.values()) > evaluations.get("ok", 0)
     found = _Findings(plan, estimator, series, failed=failed)
     names = scalars(plan)
-    shown = [found.output(o) for o in range(len(names) + 1)]
+    failure = _failure(plan, estimator, found.statistics, evaluations)
+    hidden = failure["depends_on_factors"] is True
+    # Of every run it is known whether it failed.
+    shown = [found.output(o, hidden=hidden and o < len(names)) for o in range(len(names) + 1)]
     used = [estimator.rows_used, *(curve.points.rows_used for curve in curves.values())]
     along = {
         name: findings(
@@ -135,7 +138,7 @@ def take_snapshot(
         "outputs": dict(zip(names, shown, strict=False)),
         **({"curves": along} if along else {}),
         "sampling": plan.sampling,
-        "failure": _failure(plan, estimator, found.statistics, evaluations) | shown[-1],
+        "failure": failure | shown[-1],
     }
 
 
@@ -217,8 +220,8 @@ class _Findings:
         self._of_factors = [name for name, index in rest.items() if index.value.ndim == 2]
         self._of_outputs = [name for name, index in rest.items() if index.value.ndim == 1]
 
-    def output(self, o: int) -> dict[str, Any]:
-        """Return OUTPUT of the module docstring."""
+    def output(self, o: int, *, hidden: bool) -> dict[str, Any]:
+        """Return OUTPUT of the module docstring; `hidden`: whether failures depend on factors."""
         plan, indices = self._plan, self._indices
         factors = {name: self._factor(name, (o, f)) for f, name in enumerate(plan.units)}
         by = RANKED_BY[family(plan.method)]
@@ -246,7 +249,9 @@ class _Findings:
             **({"surrogate": None} if plan.method == "surrogate" else {}),
             "trust": plain(trust),
             "ranking": {"by": by, **(unknown if ranking is None else plain(ranking))},
-            "screening": plain(influence(factors, plan.method, trusted=trust.trusted is True)),
+            "screening": plain(
+                influence(factors, plan.method, trusted=trust.trusted is True, hidden=hidden)
+            ),
             "convergence": {
                 "rows": [point.rows for point in self._series],
                 "factors": {

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from rehyb import Client
-from rehyb.errors import FleetError
+from rehyb.errors import FleetError, Invalid
 from rehyb.fleet import LocalFleet
 
 
 def test_a_coordinator_that_cannot_start_is_an_error_with_its_last_words(tmp_path: Path) -> None:
     fleet = LocalFleet(tmp_path, workers=1, database_url="sqlite:////nowhere/at/all.sqlite3")
-    with pytest.raises(FleetError, match=r"coordinator did not start: .*database"), fleet:
+    with pytest.raises(Invalid, match=r"coordinator did not start: .*database"), fleet:
         pass
     assert fleet.pids() == {}
 

@@ -35,8 +35,9 @@ _STARTS = (0.2, 0.6, 2.0, 8.0)
 #: this mean, and half the logarithm of the number of factors more, and this variance.
 _PRIOR_MEAN, _PRIOR_VARIANCE = sqrt(2.0), 3.0
 
-#: Points of the Gauss-Legendre rule along each factor.
-_NODES = 48
+#: Points of the Gauss-Legendre rule along each factor, and along a length scale if that is more:
+#: weights of what changes quickly are large and cancel, and a peak's share came out a tenth short.
+_NODES, _NODES_A_LENGTH = 48, 20.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +138,8 @@ class Processes:
         #: Kernels of every factor between two points, shape (factors, n, n).
         self._kernels = _between(self._x, self._x, scales)
         self._kernel = np.prod(self._kernels, axis=0)
-        nodes, share = np.polynomial.legendre.leggauss(_NODES)
+        count = max(_NODES, int(_NODES_A_LENGTH / float(scales.lengths.min())))
+        nodes, share = np.polynomial.legendre.leggauss(count)
         along = _places(np.tile(0.5 * (nodes + 1.0)[:, None], x.shape[1]), normal)
         lines, half = _between(self._x, along, scales), 0.5 * share
         #: Integrals along each factor of one kernel (factors, n), and of two (factors, n, n).

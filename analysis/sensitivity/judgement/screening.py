@@ -40,15 +40,19 @@ class Influence:
     undecided: tuple[str, ...]
 
 
-def influence(factors: Mapping[str, Any], method: str, *, trusted: bool) -> Influence:
+def influence(
+    factors: Mapping[str, Any], method: str, *, trusted: bool, hidden: bool = False
+) -> Influence:
     """Sort factors by whether they matter (Sarrazin et al. 2016, section 2.2).
 
     None is called non-influential where the sample was not enough to tell, nor one that moved
-    nothing at all in fewer than `FEWEST_STILL_ROWS` rows: a rare event looks like that.
+    nothing at all in fewer than `FEWEST_STILL_ROWS` rows: a rare event looks like that. Nor one
+    that runs may hide which fail where factors say so, going by the worst of these.
 
     Args:
         factors: of an output of a snapshot.
         trusted: whether its intervals can be (`analysis.sensitivity.judgement.trust`).
+        hidden: whether failures depend on the factors (`analysis.sensitivity.judgement.failures`).
         method: of the study. The threshold is `SHARE_OF_LARGEST` of the largest mu* or
             `SHARE_OF_VARIANCE` of ST.
     """
@@ -67,6 +71,7 @@ def influence(factors: Mapping[str, Any], method: str, *, trusted: bool) -> Infl
         if trusted
         and (i["high"] < limit or i["high"] == DUMMY)
         and (i["high"] > DUMMY or factors[name]["n"] >= FEWEST_STILL_ROWS)
+        and (not hidden or _at_worst(factors[name], by) < limit)
     ]
     above = [name for name, i in known.items() if i["low"] >= limit and name not in below]
     return Influence(
@@ -76,6 +81,13 @@ def influence(factors: Mapping[str, Any], method: str, *, trusted: bool) -> Infl
         non_influential=tuple(below),
         undecided=tuple(name for name in factors if name not in (*below, *above)),
     )
+
+
+def _at_worst(factor: Mapping[str, Any], by: str) -> float:
+    """Return how large an index may be whatever the failed runs would have said."""
+    bounds = (factor.get("worst_case") or {}).get(by) or {}
+    high = bounds.get("high")
+    return inf if high is None else float(high)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -132,3 +132,16 @@ def test_scales_tell_a_factor_that_does_nothing_from_one_that_does(runs: Array) 
     scales = find_scales(x, np.sin(6.0 * x[:, 0]) + x[:, 1], np.zeros(3, dtype=bool))
     assert scales.lengths[0] < scales.lengths[1] < scales.lengths[2]
     assert scales.noise < 1e-3
+
+
+def test_a_process_tells_the_whole_share_of_a_peak_that_it_knows() -> None:
+    """Integrated at 48 points, which stood further apart than the peak is wide, it was 0.41."""
+    x = qmc.Sobol(3, seed=1).random(512)
+    y = 6.0 * np.exp(-(((x[:, 0] - 0.5) / 0.012) ** 2)) + x[:, 1]
+    scales = Scales(lengths=np.array([0.054, 23.0, 65.0]), noise=1e-7)
+    along = np.linspace(0.0, 1.0, 20001)
+    of_peak = float(np.var(6.0 * np.exp(-(((along - 0.5) / 0.012) ** 2))))
+    nothing = np.zeros(3, dtype=np.bool_)
+    parts = Processes(x, scales, nothing).without(y, np.arange(512) < 1)
+    share = parts.first_squares[0] / parts.variance
+    assert share == pytest.approx(of_peak / (of_peak + 1.0 / 12.0), abs=0.005)

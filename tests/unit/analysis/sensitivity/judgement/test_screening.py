@@ -140,6 +140,21 @@ def test_a_sample_that_cannot_be_trusted_calls_no_factor_non_influential() -> No
     assert (few.non_influential, few.undecided) == ((), ("a",))
 
 
+@pytest.mark.parametrize(
+    ("worst", "hidden", "called"),
+    [(1.0, True, False), (None, True, False), (0.03, True, True), (1.0, False, True)],
+)
+def test_no_factor_is_non_influential_that_runs_may_hide_which_fail_where_factors_say_so(
+    worst: float | None, hidden: bool, called: bool
+) -> None:
+    """It was, two lines below "the true ST lies within 0.002 to 1": a stranger's."""
+    factors = shares(a=(0.0, 0.01, 0.02))
+    bounds = {"total_order": {"low": 0.0, "value": 0.1, "high": worst}}
+    factors["a"]["worst_case"] = bounds if worst is not None else None
+    found = influence(factors, "saltelli", trusted=True, hidden=hidden)
+    assert found.non_influential == (("a",) if called else ())
+
+
 @pytest.mark.parametrize(("n", "fixed"), [(127, None), (128, "mass")])
 def test_nothing_is_fixed_on_fewer_than_128_rows(n: int, fixed: str | None) -> None:
     snapshot = snapshot_of(length=(7.0, 7.5, 4.6), mass=(0.1, 0.11, 0.1))
