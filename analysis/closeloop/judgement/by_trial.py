@@ -7,6 +7,7 @@ to be of that kind, beside a damping and a zero of each half's own, as friction 
 
 import numpy as np
 
+from analysis.closeloop.identification.balance.luck import MIN_TORQUE
 from analysis.closeloop.identification.balance.model import (
     Model,
     evaluate,
@@ -16,9 +17,8 @@ from analysis.closeloop.identification.balance.model import (
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.findings import ByTrial
 
-#: Share of what a model leaves that a half of each trial has to tell of the other, and what matters
-#: of the effort.
-MOST, MATTERS = 0.5, 0.008
+#: Share of what a model leaves that a half of each trial has to tell of the other.
+MOST = 0.5
 #: Rows of the shorter half that can tell anything: thrice as many as are fitted to it, and more.
 LEAST_ROWS = 12
 
@@ -60,7 +60,7 @@ def _of_joint(model: Model, rows: Rows, joint: int) -> ByTrial | None:
             told += float(expected @ expected - np.sum((expected - found * other) ** 2))
         change = np.linalg.lstsq(columns[inside], left[inside], rcond=None)[0]
         changes[int(trial)] = float(change[0])
-    least = max(MOST * whole, MATTERS**2 * rows.effort_power(joint))
+    least = max(MOST * whole, MIN_TORQUE**2 * rows.effort_power(joint))
     if len(changes) < 2 or told <= least:
         return None
     known = fitted_impedances(model, coefficients)[joint]["stiffness"]
