@@ -72,6 +72,7 @@ def _members(path: Path) -> set[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             return set(archive.namelist())
+    # The second is of archives that need a later zip than Python reads.
     except (zipfile.BadZipFile, NotImplementedError):
         return set()
 

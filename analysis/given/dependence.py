@@ -42,11 +42,6 @@ class Dependence:
     pairs: list[tuple[int, int]]
 
 
-def related(factors: Sequence[str], x: Array, *, drawn: bool = True) -> list[str]:
-    """Return the remarks of `dependence` (Spearman 1904; Gretton et al. 2007)."""
-    return dependence(factors, x, drawn=drawn).remarks
-
-
 def dependence(factors: Sequence[str], x: Array, *, drawn: bool = True) -> Dependence:
     """Say which factors are not independent of each other.
 

@@ -87,7 +87,7 @@ def rest_events(
     travel = float(np.ptp(recording.position[:, joint]))
     comes_back = _recurring(recording, courses, others)
     # Nothing else tells what its own moves take.
-    itself = goes_itself(recording, joint) & (expected is None)
+    itself = goes_itself(recording, joint) if expected is None else None
     for course in courses:
         samples, beyond = course.samples, course.beyond
         usual = max(usual_anywhere, quiet_spread(course.nearest))
@@ -108,7 +108,9 @@ def rest_events(
             top = run.start + int(np.argmax(np.abs(beyond[run])))
             if abs(beyond[top]) <= max(least, rubbing, excused[samples[top]]):
                 continue
-            if itself[samples[top]] or comes_back(samples[top]):
+            if itself is not None and itself[samples[top]]:
+                continue
+            if comes_back(samples[top]):
                 continue
             yield Event(
                 trial=int(recording.trial[samples[top]]),
@@ -263,8 +265,9 @@ def goes_itself(recording: Recording, joint: int) -> np.ndarray:
             away = place - np.median(place[resting[hold]])
             beside = effort - np.median(effort[resting[hold]])
             for run in runs(np.abs(away) > MOVING):
-                out = np.maximum(velocity[run] * np.sign(away[run]), 0.0)
-                given = (out * np.sign(away[run])) @ beside[run]
+                way = np.sign(away[run])
+                out = np.maximum(velocity[run] * way, 0.0)
+                given = out @ (beside[run] * way)
                 found[inside][run] = given > noise * out.sum()
     return found
 

@@ -299,17 +299,17 @@ def _retested(
         real = more_than_luck(without.losses, grown.score.losses, folds, ALONE_Z)
         real = real or told_twice(beside, rest, without, rows)
         candidate = step.taken.candidate
-        missed_much = real and missed >= MIN_GAIN * without.loss
+        dropped = Grown(rest, without, tuple(s for s in grown.steps if s is not step))
+        if not real or missed < MIN_GAIN * without.loss:
+            grown = dropped
+            continue
         # What was found since may have another form of friction.
         other_form = only_presliding(candidate, grown.model, rest, rows)
+        others = [one for one in tried if one != candidate] if other_form else tried
         of_form = MIN_LATER_SHARE * before.loss
-        again = None
-        if missed_much:
-            others = [one for one in tried if one != candidate] if other_form else tried
-            _, again = _next_step(rest, without, rows, others, MIN_LATER_GAIN, of_form)
+        _, again = _next_step(rest, without, rows, others, MIN_LATER_GAIN, of_form)
         if again is None or again.taken.refused:
-            if not missed_much or other_form:
-                grown = Grown(rest, without, tuple(s for s in grown.steps if s is not step))
+            grown = dropped if other_form else grown
             continue
         told_apart = step.key not in {option.candidate.key for option in again.equals}
         equal = other_form or again.key == step.key or carries_more(again.taken, step.taken)

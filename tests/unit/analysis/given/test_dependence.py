@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from analysis.given.answer import analyse
-from analysis.given.dependence import related
+from analysis.given.dependence import dependence
 from analysis.given.hsic import hsic, hsic_of_pairs
 from tests.testbed.given import written
+
+
+def related(factors: Any, x: Any, *, drawn: bool = True) -> list[str]:
+    return dependence(factors, x, drawn=drawn).remarks
 
 
 def square(rng: Any, rows: int) -> Any:

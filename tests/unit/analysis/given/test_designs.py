@@ -11,7 +11,7 @@ from scipy.stats import qmc
 from analysis.designs import unit_row
 from analysis.given import layout
 from analysis.given.answer import analyse, answer
-from analysis.given.dependence import related
+from analysis.given.dependence import dependence
 from analysis.given.reading import read_sheet
 from analysis.given.refusals import GivenError
 from analysis.given.sample import choose
@@ -111,7 +111,7 @@ def test_a_full_factorial_in_its_natural_order_has_no_related_factors(tmp_path: 
     grid = np.array(list(np.ndindex(5, 5, 5)), dtype=float)
     path = written(tmp_path / "grid.csv", np.column_stack([grid, grid.sum(axis=1)]))
     sample = choose(read_sheet(path), ["y"])
-    assert sample.factors == ("a", "b", "c") and related(sample.factors, sample.x) == []
+    assert sample.factors == ("a", "b", "c") and dependence(sample.factors, sample.x).remarks == []
 
 
 @pytest.mark.parametrize(

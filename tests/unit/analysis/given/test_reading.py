@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.given.dependence import related
+from analysis.given.dependence import dependence
 from analysis.given.reading import Sheet, read_sheet
 from analysis.given.refusals import GivenError
 from analysis.given.sample import FEWEST_ROWS, MOST_PAIRS, choose
@@ -147,7 +147,7 @@ def test_what_is_left_out_is_said(tmp_path: Path, table: Any) -> None:
     assert "Columns of text are left out: who ('anna')" in said
     assert "Columns that do not vary are left out: still" in said
     assert f"4 of {ROWS} rows lack a cell" in said
-    assert "a and a2 (+1.00)" in related(sample.factors, sample.x[sample.complete])[0]
+    assert "a and a2 (+1.00)" in dependence(sample.factors, sample.x[sample.complete]).remarks[0]
 
 
 @pytest.mark.parametrize(
