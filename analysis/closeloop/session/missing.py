@@ -31,24 +31,29 @@ def without_stale(trial: Trial) -> Trial:
 
     A sample is a copy if no signal of it changed while a position was on its way: it stands where
     it was, and moved between the samples on both sides by more than the encoder's step could hide.
+    Where it turned meanwhile, an effort has to have been on its way: a joint may stand as it turns.
     """
-    signals = [c for name, c in trial.columns.items() if name.endswith((".position", ".effort"))]
+    positions = [c for name, c in trial.columns.items() if name.endswith(".position")]
+    efforts = [c for name, c in trial.columns.items() if name.endswith(".effort")]
+    signals = [*positions, *efforts]
     if not signals:
         return trial
     same = np.all([np.diff(signal) == 0.0 for signal in signals], axis=0)
     stale = np.zeros(len(trial.time), dtype=bool)
-    positions = [c for name, c in trial.columns.items() if name.endswith(".position")]
+    moving, driving = (
+        [(signal, CLEAR_STEPS * _step(signal)) for signal in several]
+        for several in (positions, efforts)
+    )
     for run in runs(same):
         # Samples first to last are equal; those after the first are in doubt.
         first, last = run.start, run.stop
         before, after = first - 1, last + 1
         if before < 0 or after >= len(trial.time):
             continue
-        for position in positions:
-            step = _step(position)
-            into, out = position[first] - position[before], position[after] - position[last]
-            if step and into * out > 0 and min(abs(into), abs(out)) >= CLEAR_STEPS * step:
-                stale[first + 1 : last + 1] = True
+        around = before, first, last, after
+        ways = [_way(position, least, *around) for position, least in moving]
+        turns = any(ways) and any(_way(effort, least, *around) > 0 for effort, least in driving)
+        stale[first + 1 : last + 1] = turns or any(way > 0 for way in ways)
     if not stale.any():
         return trial
     kept = ~stale
@@ -64,9 +69,20 @@ def without_stale(trial: Trial) -> Trial:
     )
 
 
-def _step(position: np.ndarray) -> float:
-    """Return the least step of a position that moves, rad or m; 0 if it does not."""
-    steps = np.abs(np.diff(position))
+def _way(
+    signal: np.ndarray, least: float, before: int, first: int, last: int, after: int
+) -> float:
+    """Return 1 if a signal went on the same way across a stand, -1 if it turned.
+
+    And 0 where it did not go by as much as `least` on both sides.
+    """
+    into, out = signal[first] - signal[before], signal[after] - signal[last]
+    return float(np.sign(into * out)) if min(abs(into), abs(out)) >= least > 0.0 else 0.0
+
+
+def _step(signal: np.ndarray) -> float:
+    """Return the least step of a signal that changes, in its unit; 0 if it does not."""
+    steps = np.abs(np.diff(signal))
     steps = steps[steps > 1e-12]
     return float(steps.min()) if len(steps) else 0.0
 

@@ -1,5 +1,6 @@
 """Samples that are missing: none of them reaches a regression."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -202,6 +203,31 @@ def test_a_stale_sample_under_a_fresh_stamp_counts_as_missing() -> None:
     assert fresh.repairs[0].startswith("4 samples repeat the one before")
     said = recorded(stale).session.trials[0].repairs
     assert any("% of its samples are missing" in line for line in said)
+
+
+def test_a_stale_sample_at_a_turn_is_one_where_the_effort_was_on_its_way() -> None:
+    """Held for one to three samples while the joint turned, they were pushes. (The unkind bench.)"""
+    time = np.arange(200) / 100.0
+    position = 0.5 + 0.3 * np.cos(2.0 * np.pi * (time - 0.9952))
+    effort = 4.0 * np.sin(2.0 * np.pi * time)
+    turning = Trial(
+        file="a.csv",
+        label="",
+        group="",
+        role="fit",
+        time=time,
+        columns={"elbow.position": np.round(position, 7), "elbow.effort": np.round(effort, 2)},
+    )
+    assert without_stale(turning) is turning
+    columns = {name: column.copy() for name, column in turning.columns.items()}
+    for column in columns.values():
+        column[100] = column[99]
+    fresh = without_stale(replace(turning, columns=columns))
+    assert np.array_equal(fresh.time, np.delete(time, 100))
+    # A joint may stand as it turns, and an effort of few steps with it.
+    columns["elbow.effort"] = np.round(effort)
+    standing = replace(turning, columns=columns)
+    assert without_stale(standing) is standing
 
 
 def test_a_joint_at_rest_may_repeat_itself() -> None:
