@@ -51,9 +51,10 @@ def peaks(
     frequency, power = _spectrum(residuals, rate)
     effort = _spectrum(efforts, rate)[1]
     # A controller that is slower than the recorder leaves every other sample older than the one
-    # before: what the motion drives comes back as far below half of the rate.
-    driven = np.maximum(effort, effort[::-1])
-    return _lines(frequency, power, MIN_SHARE**2 * driven) or _bands(
+    # before: what the motion drives comes back as far below half of the rate, and as large as half
+    # of what it changes by from one sample to the next.
+    image = np.maximum(MIN_SHARE, np.sin(np.pi * frequency[::-1] / rate)) ** 2 * effort[::-1]
+    return _lines(frequency, power, np.maximum(MIN_SHARE**2 * effort, image)) or _bands(
         frequency[frequency <= FOOT * highest_hz],
         power,
         MIN_SHARE * rms(np.concatenate(efforts)),

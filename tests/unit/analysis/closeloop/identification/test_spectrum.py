@@ -67,6 +67,20 @@ def test_what_a_motion_leaves_of_itself_is_no_oscillation(frequency: float) -> N
     assert peaks(left, motion(60.0, 0.7), RATE, highest_hz=10.0) != []
 
 
+def test_every_other_effort_a_sample_old_is_no_oscillation() -> None:
+    """Of a motion of 3 Hz it leaves a twentieth of the effort. (Two clean limbs of our own.)"""
+    efforts = motion(2.0, 3.0)
+    left = []
+    for effort in efforts:
+        old = effort.copy()
+        old[1::2] = effort[:-1:2]
+        left.append(old - effort)
+    assert np.std(left[0]) > 0.04 * np.std(efforts[0])
+    image = [own - np.convolve(own, [0.25, 0.5, 0.25], mode="same") for own in left]
+    assert peaks(image, efforts, RATE, highest_hz=10.0) == []
+    assert peaks([3.0 * own for own in image], efforts, RATE, highest_hz=10.0) != []
+
+
 def tremor(time: np.ndarray) -> np.ndarray:
     return 0.5 * np.sin(2 * np.pi * 5.0 * time + 3.0 * np.sin(2 * np.pi * 0.4 * time))
 
