@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
 from analysis.closeloop.errors import naming_unsolvable
-from analysis.closeloop.identification.arms.skew import synchronised, synchronised_limb
+from analysis.closeloop.identification.arms.skew import synchronised, synchronised_limb, tells_time
 from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.sticking import driven, samples_step
@@ -72,10 +72,8 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
         seen = without_forgotten(recording)
         if seen is not recording:
             recording, found = seen, trace(seen, progress)
-    shifted, late = synchronised_limb(found)
-    if late:
-        recording, skewed = shifted, late
-        found = trace(recording, progress)
+    found, late = _synchronised(found, progress)
+    recording, skewed = (found.rows.recording, late) if late else (recording, skewed)
     progress("torque that is local in time")
     events, loads = _events(found, recording)
     whole = recording
@@ -122,6 +120,17 @@ def _events(found: Trace, recording: Recording) -> tuple[tuple[Event, ...], tupl
     carrying = {load.trial for load in loads if not load.fitted}
     events = find_events(known.model, recording)
     return tuple(event for event in events if event.trial not in carrying), loads
+
+
+def _synchronised(found: Trace, progress: Callable[[str], None]) -> tuple[Trace, str]:
+    """Return the trace of a limb at the times of its efforts, and a sentence of it; or as it is."""
+    if found.steps and not tells_time(found.model):
+        # What is late in a log was compliance or inertia of clean limbs, and then late no more.
+        shifted, late = synchronised_limb(found.without_names(""))
+        if late and _named(alone := trace(shifted, progress)) < _named(found):
+            return alone, late
+    shifted, late = synchronised_limb(found)
+    return (trace(shifted, progress), late) if late else (found, "")
 
 
 def _named(found: Trace) -> set[tuple[str, int]]:

@@ -73,8 +73,7 @@ def synchronised_limb(found: Trace) -> tuple[Recording, str]:
     if several:
         short = {c.candidate for c in model.channels if abs(c.theta.get("delay", np.inf)) <= sample}
         model = model.keeping(lambda candidate: candidate not in short)
-    late = any(one.effect.channel and one.effect.filters for one in model.effects)
-    if late or not recording.limbs:
+    if tells_time(model) or not recording.limbs:
         return recording, ""
     before = evaluate(model, rows)
     rates = _rates(model, before.coefficients)
@@ -91,6 +90,11 @@ def synchronised_limb(found: Trace) -> tuple[Recording, str]:
     if gain < max(MIN_GAIN * before.loss, most):
         return recording, ""
     return later(recording, time), _said(time, "less than a sample")
+
+
+def tells_time(model: Model) -> bool:
+    """Whether an effect of the model is late by itself, which a log's time would stand in for."""
+    return any(one.effect.channel and one.effect.filters for one in model.effects)
 
 
 def _said(time: float, which: str) -> str:
