@@ -83,9 +83,8 @@ def options_beside(
     known = {term.at.key for term in model.terms if term.effect is not None}
     options = []
     for candidate in tried:
-        if candidate.key in active | covered | model.declared:
-            continue
-        if not has_ground(candidate, active | known):
+        taken = candidate.key in active | covered | model.declared
+        if taken or not has_ground(candidate, active | known):
             continue
         if candidate.effect.sided and one_way(rows, candidate.joint):
             continue
@@ -385,7 +384,7 @@ def _swung(
     Each share that is freed has to leave less by what would change a number in a report.
     """
     rest, last, taken = model.without(candidate), None, stages[0]
-    # At the end twice more what was taken: the valley is narrow.
+    # At the end up to twice more what was taken: the valley is narrow.
     for free in (*stages, None, None):
         own = next(term for term in model.terms if term.candidate == candidate)
         names = free or taken
@@ -397,4 +396,6 @@ def _swung(
         least = 1.0 - (MIN_GAIN if free else ROUNDING)
         if found is not None and (last is None or found[1].sse < least * last.sse):
             (model, current), taken, last = found, names, found[1]
+        elif not free:
+            break
     return model, evaluate(model, rows)
