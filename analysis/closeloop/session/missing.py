@@ -69,9 +69,7 @@ def without_stale(trial: Trial) -> Trial:
     )
 
 
-def _way(
-    signal: np.ndarray, least: float, before: int, first: int, last: int, after: int
-) -> float:
+def _way(signal: np.ndarray, least: float, before: int, first: int, last: int, after: int) -> float:
     """Return 1 if a signal went on the same way across a stand, -1 if it turned.
 
     And 0 where it did not go by as much as `least` on both sides.

@@ -206,7 +206,7 @@ def test_a_stale_sample_under_a_fresh_stamp_counts_as_missing() -> None:
 
 
 def test_a_stale_sample_at_a_turn_is_one_where_the_effort_was_on_its_way() -> None:
-    """Held for one to three samples while the joint turned, they were pushes. (The unkind bench.)"""
+    """Held for one to three samples while the joint turned, they were pushes. (Unkind limbs.)"""
     time = np.arange(200) / 100.0
     position = 0.5 + 0.3 * np.cos(2.0 * np.pi * (time - 0.9952))
     effort = 4.0 * np.sin(2.0 * np.pi * time)
