@@ -127,7 +127,7 @@ def _synchronised(found: Trace, progress: Callable[[str], None]) -> tuple[Trace,
     if found.steps and not tells_time(found.model):
         # What is late in a log was compliance or inertia of clean limbs, and then late no more.
         shifted, late = synchronised_limb(found.without_names(""))
-        if late and _named(alone := trace(shifted, progress)) < _named(found):
+        if late and (alone := trace(shifted, progress)).verdict is Verdict.ADEQUATE:
             return alone, late
     shifted, late = synchronised_limb(found)
     return (trace(shifted, progress), late) if late else (found, "")

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from analysis.closeloop import loop
+from analysis.closeloop.contract import Verdict
 
 
 class Found(SimpleNamespace):
@@ -16,7 +17,8 @@ class Found(SimpleNamespace):
 
 def found(*names: str, log: str = "as it is", late: bool = False) -> Found:
     steps = tuple(SimpleNamespace(key=(name, 0)) for name in names)
-    return Found(steps=steps, model=SimpleNamespace(late=late), log=log)
+    verdict = Verdict.EFFECT_FOUND if names else Verdict.ADEQUATE
+    return Found(steps=steps, model=SimpleNamespace(late=late), log=log, verdict=verdict)
 
 
 @pytest.fixture
@@ -47,12 +49,13 @@ def test_a_log_s_time_that_leaves_nothing_to_name_stands_alone(
     assert named(found("series_elasticity"), of_logs) == ([], "told alone")
 
 
-def test_where_as_much_is_named_without_it_the_time_is_told_beside_the_names(
+def test_where_less_but_something_is_named_without_it_the_time_is_told_beside_the_names(
     of_logs: dict[str, tuple[str, ...]],
 ) -> None:
-    of_logs |= {"alone": ("payload",), "beside the names": ("series_elasticity",)}
-    told = (["series_elasticity"], "told beside the names")
-    assert named(found("series_elasticity"), of_logs) == told
+    """It took the place of friction beside hysteresis, a third of a sample long."""
+    of_logs |= {"alone": ("hysteresis",), "beside the names": ("hysteresis", "stribeck_friction")}
+    told = (["hysteresis", "stribeck_friction"], "told beside the names")
+    assert named(found("hysteresis", "stribeck_friction"), of_logs) == told
 
 
 def test_beside_an_effect_that_is_late_nothing_is_asked(
