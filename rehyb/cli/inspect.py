@@ -45,7 +45,7 @@ def inspect(
 ) -> Answer:
     """List the channels of a robot's log with what they seem to be, and write a first session.
 
-    Exit status 2 if the log cannot be read; then nothing is written.
+    Exit status 2 if the log, or the model, cannot be read; then nothing is written.
     """
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.logs.assignment import AS_SAID, assigned, of_factors
@@ -66,9 +66,12 @@ def inspect(
     )
     from analysis.closeloop.logs.reading import read_log
     from analysis.closeloop.logs.variants import of_followed, of_variants
+    from analysis.closeloop.session.mjcf import check_model
 
     try:
         with needs_extra(file.name, "logs"), refusing(SessionError):
+            if model:
+                check_model(model)
             log = read_log(file)
             known = joints_in(model) if model else []
             believed = believe(log, rate, known)

@@ -79,6 +79,12 @@ def load_device(session: Session) -> Device:
     return device
 
 
+def check_model(path: Path) -> None:
+    """Raise a SessionError if a model's file is one that no session can have."""
+    whole = path.resolve()
+    load_device(Session(folder=whole.parent, model=whole.name))
+
+
 def _check_losses(model: mujoco.MjModel, name: str) -> None:
     """Refuse a joint that gains energy by moving, or has less inertia than none.
 

@@ -21,6 +21,12 @@ THIN = 1e-6
 ENTRIES = {
     "ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2),
 }  # fmt: skip
+#: What an element has once. Of several, readers of ROS (urdfdom) take the first, MuJoCo none.
+ONCE = {
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "joint": ("origin", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"),
+}
 
 
 def prepare(root: ElementTree.Element, name: str) -> tuple[str, ...]:
@@ -39,10 +45,12 @@ def prepare(root: ElementTree.Element, name: str) -> tuple[str, ...]:
     Raises:
         SessionError: a moment of inertia is missing, or below zero.
     """
-    mended, mimics = [], []
+    mended, mimics, repeating = [], [], []
     for part in [*root]:
         if part.tag not in ("link", "joint"):
             root.remove(part)
+        if _without_repeated(part):
+            repeating.append(part.get("name", ""))
         for drawn in [*part.findall("visual"), *part.findall("collision")]:
             part.remove(drawn)
         inertia = part.find("inertial/inertia")
@@ -56,8 +64,21 @@ def prepare(root: ElementTree.Element, name: str) -> tuple[str, ...]:
         "no body has the inertia of {}, which is taken as the nearest that one can have": mended,
         "<mimic> of {} is not read: the joint is where it is recorded, or at 0 if it is ignored, "
         "and the other one's motor does not move it": mimics,
+        "what can be there once, as an <origin>, is there again in {}: the first counts, as in "
+        "ROS, and the others are not read": repeating,
     }
     return tuple(text.format(listed(names)) for text, names in said.items() if names)
+
+
+def _without_repeated(part: ElementTree.Element) -> bool:
+    """Remove all but the first of what a link or joint can have once; return whether any was."""
+    removed = False
+    for parent in [part, *part.findall("inertial")[:1]]:
+        for tag in ONCE.get(parent.tag, ()):
+            for later in parent.findall(tag)[1:]:
+                parent.remove(later)
+                removed = True
+    return removed
 
 
 def _mend(inertia: ElementTree.Element, link: ElementTree.Element, name: str) -> bool:

@@ -64,6 +64,14 @@ def test_a_terminal_too_narrow_for_the_table_gets_a_line_for_each_channel(tmp_pa
     assert "column 2: seems position, joint joint_1, unit deg?, least " in said
 
 
+def test_a_model_that_closing_the_loop_refuses_is_refused_here(tmp_path: Path) -> None:
+    file, model, out = log(tmp_path), tmp_path / "arm.urdf", tmp_path / "session"
+    model.write_text(URDF.replace('link="forearm"', 'link="foreram"'))
+    told = ("--model", str(model), "--as", "column 4=elbow.effort")
+    ran = CliRunner().invoke(app, ["inspect", str(file), "--out", str(out), *told])
+    assert str(ran.exception).startswith("arm.urdf: MuJoCo refuses it") and not out.exists()
+
+
 def test_bad_input_is_one_sentence_and_writes_nothing(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("hello\nworld\n")
     out = tmp_path / "session"

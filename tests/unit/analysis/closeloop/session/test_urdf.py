@@ -87,3 +87,20 @@ def test_a_joint_that_mimics_another_is_told_of() -> None:
     ElementTree.SubElement(root.find("joint[@name='second']"), "mimic", joint="first")  # type: ignore[arg-type]
     (remark,) = prepare(root, "arm.urdf")
     assert remark.startswith("<mimic> of second is not read")
+
+
+def test_of_two_origins_the_first_counts_and_the_joint_is_told() -> None:
+    """As in a stranger's KUKA LWR: a mount that was moved, and its old place left below it."""
+    root = arm(link(0.1, 0.2, 0.25))
+    joint = root.find("joint[@name='second']")
+    assert joint is not None
+    joint.insert(0, ElementTree.fromstring('<origin xyz="0 0 1"/>'))
+    ElementTree.SubElement(joint, "origin", xyz="0 0 0")
+    inertial = root.find("link[@name='tip']/inertial")
+    assert inertial is not None
+    ElementTree.SubElement(inertial, "mass", value="7")
+    (remark,) = prepare(root, "arm.urdf")
+    assert "again in tip, second: the first counts" in remark
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    tip = spec.compile().body("tip")
+    assert list(tip.pos) == [0.0, 0.0, 1.0] and tip.mass == pytest.approx(0.2)
