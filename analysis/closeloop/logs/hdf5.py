@@ -9,6 +9,7 @@ import numpy as np
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.log import Log
+from analysis.closeloop.logs.matlab_objects import of_object
 
 #: Of all signals together; a file of a few bytes can declare any number.
 MAX_NUMBERS = 50_000_000
@@ -26,11 +27,17 @@ def read(path: Path, *, kind: str = "HDF5") -> Log:
     if not h5py.is_hdf5(path):
         raise SessionError(f"is no {kind} file", file=path.name)
     arrays: list[tuple[str, np.ndarray]] = []
+    objects: list[str] = []
     size = 0
     try:
         with h5py.File(path, "r") as file:
             for name, item in _datasets(file, "", set()):
                 if item.dtype.kind not in "fiub" or item.shape is None or item.ndim > 3:
+                    continue
+                if "MATLAB_object_decode" in item.attrs:
+                    # Its numbers say where the object is, in what MATLAB keeps for itself.
+                    of = item.attrs.get("MATLAB_class", b"object").decode(errors="replace")
+                    objects.append(of_object(name.replace("/", "."), of))
                     continue
                 size += item.size
                 if size > MAX_NUMBERS:
@@ -42,7 +49,9 @@ def read(path: Path, *, kind: str = "HDF5") -> Log:
         raise
     except (OSError, RuntimeError, ValueError) as error:
         raise SessionError(f"is a damaged {kind} file: {error}", file=path.name) from None
-    return log_of(kind, arrays)
+    log = log_of(kind, arrays)
+    log.remarks += objects
+    return log
 
 
 def _unit(item: Any) -> str:

@@ -7,6 +7,12 @@ from numpy.typing import NDArray
 
 Numbers = NDArray[np.float64]
 
+#: Why what runs code where it is read is not read.
+A_PICKLE = (
+    "is a pickle, which is refused on purpose: whoever reads one runs the code in it; "
+    "where it was written, save its arrays by numpy.savez, or its table by to_csv"
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Channel:

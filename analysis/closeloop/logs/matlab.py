@@ -11,6 +11,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs import hdf5
 from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.log import Log
+from analysis.closeloop.logs.matlab_objects import of_object
 
 #: What SciPy calls the format of version 7.3.
 _HDF5 = 2
@@ -51,15 +52,7 @@ def _of_objects(content: Mapping[str, Any]) -> list[str]:
         if isinstance(opaque, kinds) and opaque.size:
             entry = opaque.flat[0]
             name, kind = (bytes(entry[at]).decode("latin-1") for at in ("s0", "s2"))
-            how = {
-                "table": f"s = table2struct({name}, 'ToScalar', true)",
-                "timetable": f"s = table2struct(timetable2table({name}), 'ToScalar', true)",
-                "timeseries": f"s = struct('t', {name}.Time, 'data', squeeze({name}.Data))",
-            }.get(kind, f"s = struct({name})")
-            found.append(
-                f"{name} is a MATLAB {kind}, an object that only MATLAB reads: save its numbers "
-                f"there by {how}; save('log.mat', '-struct', 's')"
-            )
+            found.append(of_object(name, kind))
     return found
 
 

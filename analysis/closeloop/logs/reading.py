@@ -5,13 +5,14 @@ from pathlib import Path
 
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs import hdf5, json_log, matlab, numpy_archive, ros, text
-from analysis.closeloop.logs.log import Log
+from analysis.closeloop.logs.log import A_PICKLE, Log
 
 #: What reads a file, by its ending.
 READERS: Mapping[str, Callable[[Path], Log]] = {
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".log", ".asc", ".sto", ".mot"), text.read),
     ".mat": matlab.read,
     ".npz": numpy_archive.read,
+    ".npy": numpy_archive.read_array,
     ".json": json_log.read,
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read),
     **dict.fromkeys((".bag", ".mcap", ".db3"), ros.read),
@@ -41,11 +42,7 @@ def read_log(path: Path) -> Log:
     else:
         reader = READERS.get(path.suffix.lower())
     if path.suffix.lower() in PICKLES:
-        raise SessionError(
-            "is a pickle, which is refused on purpose: whoever reads one runs the code in it; "
-            "where it was written, save its arrays by numpy.savez, or its table by to_csv",
-            file=path.name,
-        )
+        raise SessionError(A_PICKLE, file=path.name)
     if reader is None:
         raise SessionError(f"ends in none of {', '.join(READERS)}", file=path.name)
     try:

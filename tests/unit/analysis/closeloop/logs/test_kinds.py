@@ -90,6 +90,32 @@ def test_an_object_of_matlab_says_how_to_save_what_it_holds() -> None:
     assert "table2struct(arm, 'ToScalar', true)" in said
 
 
+def test_an_object_in_matlab_7_3_says_it_too_and_is_no_signal(tmp_path: Path) -> None:
+    """As a stranger's Simulink log: six numbers say where in the file its signals are."""
+    h5py = pytest.importorskip("h5py", reason="needs the extra logs")
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["data"] = np.array([[3707764736, 2, 1, 1, 1, 2]], dtype=np.uint32)
+        file["data"].attrs["MATLAB_object_decode"] = np.int32(3)
+        file["data"].attrs["MATLAB_class"] = np.bytes_(b"Simulink.SimulationData.Dataset")
+    with pytest.raises(SessionError, match=r"data is a MATLAB Simulink.*extractTimetable\(data\)"):
+        read_log(tmp_path / "log.h5")
+
+
+def test_an_array_of_numpy_is_read_as_its_columns_or_its_fields(tmp_path: Path) -> None:
+    np.save(tmp_path / "log.npy", np.ones((N, 2)))
+    assert [c.name for c in read_log(tmp_path / "log.npy").channels] == ["data[0]", "data[1]"]
+    table = np.ones(N, dtype=[("t", "f8"), ("q", "f4", (2,)), ("mode", "U4")])
+    np.save(tmp_path / "log.npy", table)
+    assert [c.name for c in read_log(tmp_path / "log.npy").channels] == ["t", "q[0]", "q[1]"]
+
+
+def test_an_array_of_objects_is_a_pickle(tmp_path: Path) -> None:
+    """As a stranger's dog: a dictionary that numpy.save was given."""
+    np.save(tmp_path / "log.npy", np.array({"q": [1.0]}, dtype=object))
+    with pytest.raises(SessionError, match="is a pickle"):
+        read_log(tmp_path / "log.npy")
+
+
 def test_what_scipy_warns_of_is_not_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
