@@ -60,6 +60,13 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(given[:20]) or "none with a name"
 
 
+def all_listed(names: Iterable[str]) -> str:
+    """Return the same with how many there are more."""
+    given = [*names]
+    more = len([name for name in given if name]) - 20
+    return listed(given) + (f" and {more} more" if more > 0 else "")
+
+
 def _check_numbers(root: ElementTree.Element, wrong: Wrong) -> None:
     """Refuse what MuJoCo would compute with, or warn of on standard output."""
     names = {element.get("name") for element in root.iter()}

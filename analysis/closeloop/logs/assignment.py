@@ -9,6 +9,7 @@ from analysis.closeloop.logs.belief import SIGNALS, Belief
 from analysis.closeloop.logs.inspection import is_in_degrees
 from analysis.closeloop.logs.joints import joint_name, joint_names
 from analysis.closeloop.unit_names import UNITS
+from intake.xml import all_listed
 
 #: What a line that assigns a channel looks like: "column 14=elbow.effort*11.976", "u_V=-".
 ASSIGNMENT = re.compile(
@@ -41,10 +42,16 @@ def assigned(
         at = {b.channel.name: i for i, b in enumerate(chosen)}.get(
             match["channel"] if match else ""
         )
-        if match is None or at is None:
+        if match is None:
             raise ValueError(
-                f"{line!r} is no assignment of a channel: write NAME=JOINT.QUANTITY*SCALE, with a "
-                f"channel's name and one of {', '.join(SIGNALS)}"
+                f"{line!r} is no assignment of a channel: write NAME=JOINT.QUANTITY*SCALE, with "
+                f"one of {', '.join(SIGNALS)}, or NAME=time*SCALE, or NAME=-"
+            )
+        if at is None:
+            has = all_listed(belief.channel.name for belief in beliefs)
+            raise ValueError(
+                f"{line!r} is no assignment of a channel: the log has no {match['channel']!r}, "
+                f"but {has}"
             )
         if match["quantity"] and match["quantity"] not in SIGNALS:
             raise ValueError(f"{line!r}: take {', '.join(SIGNALS)}, not {match['quantity']!r}")

@@ -117,6 +117,11 @@ def find_clock(beliefs: list[Belief], group: list[int]) -> None:
         if other != chosen and beliefs[other].quantity == "time" and _goes_back(beliefs[other]):
             why = "goes back again and again: no clock"
             beliefs[other] = replace(beliefs[other], quantity="unknown", why=why)
+    if time is None and (uneven := _of_several(beliefs, likely)) is not None:
+        chosen, unit = uneven, beliefs[uneven].unit
+        time = CLOCKS[unit] * beliefs[chosen].channel.values
+        why = "by its name, in uneven steps"
+        beliefs[chosen] = replace(beliefs[chosen], scale=CLOCKS[unit], why=why)
     if chosen is None or time is None:
         return
     _set_time(beliefs, group, time)
@@ -142,6 +147,48 @@ def _ticks(belief: Belief) -> tuple[str | None, float]:
     if not regular or not units:
         return None, median
     return belief.unit if belief.unit in units else units[0], median
+
+
+def _of_several(beliefs: Sequence[Belief], likely: Sequence[int]) -> int | None:
+    """Return the channel that has a clock's name and unit and goes on, however uneven its steps.
+
+    As of a table to which several streams were merged by time. None, and why, if none does.
+    """
+    for at in likely:
+        belief = beliefs[at]
+        if belief.quantity != "time":
+            continue
+        steps = np.diff(belief.channel.values)
+        if belief.unit in CLOCKS and np.mean(steps >= 0.0) > MOSTLY and (steps > 0.0).any():
+            return at
+    return None
+
+
+def how_to_say_the_clock(beliefs: Sequence[Belief]) -> str:
+    """Return a sentence with what to type that a log has for a clock, of its own names and units.
+
+    The channel that has a clock's name goes before one that only increases, and that before all.
+    """
+
+    def rank(belief: Belief) -> tuple[bool, float]:
+        steps = np.diff(belief.channel.values[np.isfinite(belief.channel.values)])
+        return belief.quantity != "time", -float(np.mean(steps > 0.0)) if len(steps) else 0.0
+
+    if not beliefs:
+        return "give --rate HZ, samples a second"
+    best = min(beliefs, key=rank)
+    name, scale = best.channel.name, CLOCKS.get(best.unit)
+    factor = "*SECONDS_PER_UNIT" if scale is None else "" if scale == 1.0 else f"*{scale:g}"
+    seems = (
+        f"{name} has a clock's name, but its steps are too uneven, short or long for one that is "
+        "taken unasked: "
+        if best.quantity == "time"
+        else ""
+    )
+    return (
+        f"{seems}give --rate HZ, samples a second, or say which channel it is, as by --as "
+        f"'{name}=time{factor}'"
+    )
 
 
 def _goes_back(belief: Belief) -> bool:

@@ -11,12 +11,13 @@ import numpy as np
 from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.assignment import AS_SAID
 from analysis.closeloop.logs.belief import SIGNALS, Belief
-from analysis.closeloop.logs.clock import stretches
+from analysis.closeloop.logs.clock import how_to_say_the_clock, stretches
 from analysis.closeloop.logs.joints import joints_in
 from analysis.closeloop.logs.log import Numbers
+from analysis.closeloop.logs.streams import on_one_clock
 from analysis.closeloop.magnitudes import SAID, are_magnitudes
 from analysis.closeloop.unit_names import UNITS
-from intake.xml import listed
+from intake.xml import all_listed, listed
 
 #: What signals without any unit are taken for.
 WITHOUT_UNIT = {
@@ -100,39 +101,45 @@ def write_session(
     taken = dict(sorted(taken.items(), key=lambda item: places[id(item[1])]))
     for quantity in ("position", "effort"):
         if not any(name.endswith(f".{quantity}") for name in taken):
-            channels = [b.channel.name for b in beliefs if b.quantity != "time"]
+            channels = _moving(beliefs)
             why = (
-                f"no {quantity} is known among {listed(channels)}: name its channel, as in --as "
-                f"'CHANNEL=elbow.{quantity}*FACTOR_TO_SI'"
+                f"no {quantity} is known among {all_listed(channels)}: name its channel, as in "
+                f"--as 'CHANNEL=elbow.{quantity}*FACTOR_TO_SI'"
                 if channels
-                else "no column beside the clock holds numbers: `rehyb inspect` without --out says "
-                "what the others hold"
+                else "no column beside the clock holds numbers that change: `rehyb inspect` "
+                "without --out says what the others hold"
             )
             raise SessionError(why, file=stem)
     position = next(b for name, b in taken.items() if name.endswith(".position"))
     time = position.channel.time
     if time is None:
-        raise SessionError(
-            "no clock is known: give --rate HZ, samples a second, or name its channel of "
-            f"{listed([b.channel.name for b in beliefs])}, as in --as 'column 1=time*0.001'",
-            file=stem,
-        )
+        raise SessionError(f"no clock is known: {how_to_say_the_clock(beliefs)}", file=stem)
     remarks = [
         f"{taken[name].channel.name} is taken for {name}, and not {' or '.join(channels)}: for "
         f"another say --as '{channels[0]}={name}'"
         for name, channels in others.items()
     ]
-    for name, belief in list(taken.items()):
-        own = belief.channel.time
-        if own is None or len(own) != len(time) or not np.array_equal(own, time):
-            del taken[name]
-            remarks.append(f"{belief.channel.name} has another clock and was left out")
+    efforts = [(name, b.channel.name) for name, b in taken.items() if name.endswith(".effort")]
+    taken, of_streams = on_one_clock(taken)
+    if not any(name in taken for name, _ in efforts):
+        joint = next(name for name in taken if name.endswith(".position")).removesuffix(".position")
+        raise SessionError(
+            f"{listed(channel for _, channel in efforts)} stand at other times than the positions, "
+            "and only the effort of a joint that has one can be taken at them: say which is, as by "
+            f"--as '{efforts[0][1]}={joint}.effort*FACTOR_TO_SI'",
+            file=stem,
+        )
+    remarks += of_streams
     remarks += _of_unsure(taken)
+    time = next(iter(taken.values())).channel.time
+    assert time is not None
     table = np.column_stack([time, *(b.scale * b.channel.values for b in taken.values())])
     whole = np.asarray(np.isfinite(table).all(axis=1))
     if not whole.any():
         raise SessionError(
-            f"no sample has a number in each of {listed(b.channel.name for b in taken.values())}",
+            f"no sample has a number in each of {listed(b.channel.name for b in taken.values())}: "
+            "leave out what is no signal of a joint, by --as 'CHANNEL=-', or interpolate them on "
+            "one clock",
             file=stem,
         )
     if not whole.all():
@@ -174,6 +181,18 @@ def write_session(
         )
     (folder / "session.json").write_text(json.dumps(session, indent=2) + "\n")
     return remarks
+
+
+def _moving(beliefs: Sequence[Belief]) -> list[str]:
+    """Return the channels that may be signals of a joint, those first of which nothing is known."""
+    numbers = [b for b in beliefs if b.quantity != "time" and len(_finite(b)) > 1]
+    moving = [b for b in numbers if np.ptp(_finite(b)) > 0.0]
+    known = (*SIGNALS, "current")
+    return [b.channel.name for b in sorted(moving, key=lambda b: b.wanted or b.quantity in known)]
+
+
+def _finite(belief: Belief) -> Numbers:
+    return belief.channel.values[np.isfinite(belief.channel.values)]
 
 
 def _not_recorded(taken: Collection[str], known: Sequence[str]) -> list[str]:
