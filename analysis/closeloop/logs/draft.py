@@ -12,7 +12,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.assignment import AS_SAID
 from analysis.closeloop.logs.belief import SIGNALS, Belief
 from analysis.closeloop.logs.clock import how_to_say_the_clock, stretches
-from analysis.closeloop.logs.joints import joints_in
+from analysis.closeloop.logs.joints import joint_name, joints_in
 from analysis.closeloop.logs.log import Numbers
 from analysis.closeloop.logs.streams import on_one_clock
 from analysis.closeloop.magnitudes import SAID, are_magnitudes
@@ -99,6 +99,7 @@ def write_session(
                 others.setdefault(name, []).append(belief.channel.name)
     places = {id(belief): place for place, belief in enumerate(ranked)}
     taken = dict(sorted(taken.items(), key=lambda item: places[id(item[1])]))
+    taken, of_others = _of_the_model(taken, joints_in(model) if model else [])
     for quantity in ("position", "effort"):
         if not any(name.endswith(f".{quantity}") for name in taken):
             channels = _moving(beliefs)
@@ -114,10 +115,11 @@ def write_session(
     time = position.channel.time
     if time is None:
         raise SessionError(f"no clock is known: {how_to_say_the_clock(beliefs)}", file=stem)
-    remarks = [
+    remarks = of_others + [
         f"{taken[name].channel.name} is taken for {name}, and not {' or '.join(channels)}: for "
         f"another say --as '{channels[0]}={name}'"
         for name, channels in others.items()
+        if name in taken
     ]
     efforts = [(name, b.channel.name) for name, b in taken.items() if name.endswith(".effort")]
     taken, of_streams = on_one_clock(taken)
@@ -181,6 +183,27 @@ def write_session(
         )
     (folder / "session.json").write_text(json.dumps(session, indent=2) + "\n")
     return remarks
+
+
+def _of_the_model(
+    taken: Mapping[str, Belief], known: Sequence[str]
+) -> tuple[dict[str, Belief], list[str]]:
+    """Return the signals that may be of a model's joints, and say which others there are.
+
+    What the log does not name is of none once joints of the model are recorded; what it does may be
+    one that has another name there, unless they all are.
+    """
+    recorded = {name.removesuffix(".position") for name in taken if name.endswith(".position")}
+    called = {
+        name.rpartition(".")[0] for name, b in taken.items() if b.why == AS_SAID or joint_name(b)
+    }
+    may_be = {*known} if recorded >= {*known} else {*known, *called}
+    if not recorded & {*known}:
+        return dict(taken), []
+    found = {name: b for name, b in taken.items() if name.rpartition(".")[0] in may_be}
+    others = [b.channel.name for name, b in taken.items() if name not in found]
+    said = f"{all_listed(others)}: of no joint of the model, and left out"
+    return found, [said] if others else []
 
 
 def _moving(beliefs: Sequence[Belief]) -> list[str]:

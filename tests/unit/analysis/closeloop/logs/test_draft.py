@@ -127,6 +127,24 @@ def test_joints_that_the_log_does_not_show_are_ignored_in_the_session(tmp_path: 
     assert "ignored_joints" not in json.loads((tmp_path / "o" / "session.json").read_text())
 
 
+def test_what_the_log_does_not_name_is_of_no_joint_beside_the_models(
+    tmp_path: Path,
+) -> None:
+    """A stranger's fifty columns: of what was left, two became joints that the robot has not."""
+    (tmp_path / "arm.xml").write_text(
+        '<mujoco><worldbody><body><joint name="elbow"/></body></worldbody></mujoco>'
+    )
+    columns = [np.sin(TIME), np.cos(TIME), np.sin(2 * TIME), 2 * np.cos(2 * TIME), TIME**2]
+    chosen = a_log(**{f"column {n}": x for n, x in enumerate([TIME, *columns], start=1)})
+    said = ["column 2=elbow.position", "column 6=elbow.effort"]
+    chosen, joints = assigned(chosen, said, ["elbow"])
+    left, *_ = write_session(tmp_path / "s", "log", chosen, joints, tmp_path / "arm.xml")
+    assert left == "column 4, column 5: of no joint of the model, and left out"
+    assert table(tmp_path / "s" / "log.csv")[0] == [
+        *("time", "elbow.position", "elbow.velocity", "elbow.effort")
+    ]
+
+
 def test_a_clock_can_be_named(tmp_path: Path) -> None:
     log = Log(
         kind="CSV",
