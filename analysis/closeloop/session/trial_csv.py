@@ -33,6 +33,8 @@ OF_JOINTS = ("position", "velocity", "acceleration", "effort")
 MAX_VALUE = 1e12
 #: By so much (s) may `from` and `to` lie outside of a file without a word.
 SURPLUS = 1.0
+#: A step back by more median steps begins another trial; a smaller one is a stamp that is wrong.
+ANEW = 10
 #: `from` and `to` of a trial that is all of its file.
 WHOLE = (-np.inf, np.inf)
 
@@ -285,6 +287,11 @@ def _check_time(time: np.ndarray, lines: np.ndarray, file: str) -> None:
             int(lines[row]),
             f"must increase, but {time[row]:g} follows {time[row - 1]:g}",
         )
+        if steps[row - 1] < -ANEW * float(np.median(np.abs(steps))):
+            detail += (
+                "; if the clock begins anew there with another trial, cut the file at this line, "
+                "as `rehyb inspect FILE --out DIR` does"
+            )
     elif step > 0.2:
         detail = f"steps by {step:g}; time is in seconds and needs at least 5 samples a second"
         detail += " (are these milliseconds?)" if step >= 0.5 else ""

@@ -142,6 +142,14 @@ def test_a_stamp_that_comes_again_with_other_values_is_refused_by_line(tmp_path:
     table[100] = table[99]
     with pytest.raises(SessionError, match="must increase") as refused:
         load_session(written(tmp_path / "a", table))
+    assert refused.value.line == 502 and "begins anew" not in str(refused.value)
+
+
+def test_a_clock_that_begins_anew_is_told_as_another_trial(tmp_path: Path) -> None:
+    table = rows()
+    table[500:, 0] -= table[500, 0]
+    with pytest.raises(SessionError, match=r"begins anew .* another trial, cut") as refused:
+        load_session(written(tmp_path / "a", table))
     assert refused.value.line == 502
 
 
