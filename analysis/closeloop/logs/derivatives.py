@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import pi
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 from scipy.signal import savgol_filter
 
@@ -52,6 +53,7 @@ def find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
     if not 2 <= len(moving) <= MOST:
         return
     alike, factor = _compared(time[part], [beliefs[at].channel.values[part] for at in moving])
+    alike[_of_unlike_joints([beliefs[at] for at in moving])] = 0.0
     has_derivative: set[int] = set()
     is_derivative: set[int] = set()
     # What was measured is closer to the derivative than what was wanted; of equals, the first.
@@ -78,6 +80,25 @@ def find_derivatives(beliefs: list[Belief], group: list[int]) -> None:
         )
     for i in has_derivative - is_derivative:
         _name_chain(beliefs, moving[i])
+
+
+def _of_unlike_joints(beliefs: Sequence[Belief]) -> NDArray[np.bool_]:
+    """Return which pairs of signals, (n, n), are of two joints by their names.
+
+    What is wanted of two joints may be the same sine at other times. Only where the names of two
+    quantities are those of the same joints: some count one from 0 and the other from 1.
+    """
+    named: dict[tuple[str, bool], set[str]] = {}
+    for belief in beliefs:
+        named.setdefault((belief.quantity, belief.wanted), set()).add(belief.stem)
+    joints = [named[belief.quantity, belief.wanted] for belief in beliefs]
+    return np.array(
+        [
+            [one.stem != other.stem and of_one == of_other and "" not in of_one]
+            for one, of_one in zip(beliefs, joints, strict=True)
+            for other, of_other in zip(beliefs, joints, strict=True)
+        ]
+    ).reshape(len(beliefs), len(beliefs))
 
 
 def find_rate(beliefs: list[Belief], group: list[int]) -> None:

@@ -101,3 +101,21 @@ def test_arrays_much_shorter_than_a_log_are_no_signals_of_it() -> None:
     )
     assert [b.quantity for b in found] == ["time", "position", "unknown", "unknown"]
     assert found[3].why == "holds 6 numbers, too few for a signal of this log"
+
+
+def test_a_setpoint_is_no_derivative_of_another_joints() -> None:
+    """A KUKA LWR's targets are sines: one joint's acceleration goes as another's position rises."""
+    time = swing()["time"]
+    signals = {"time": time}
+    for n, (size, phase) in enumerate([(0.8, 0.0), (0.8, np.pi / 2), (0.5, 1.0)]):
+        signals[f"target_positions[{n}]"] = size * np.sin(time + phase)
+        signals[f"target_velocities[{n}]"] = size * np.cos(time + phase)
+        signals[f"target_accelerations[{n}]"] = -size * np.sin(time + phase)
+    found = believe(
+        Log(kind="NumPy", channels=[Channel(name=n, values=v) for n, v in signals.items()])
+    )
+    names = [b.channel.name for b in found]
+    for at, belief in enumerate(found):
+        assert "it is the derivative" not in belief.why
+        if belief.source is not None:
+            assert names[belief.source][-3:] == names[at][-3:]
