@@ -82,12 +82,13 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
         recording = spared(whole, events)
         if _rests(recording):
             return still_answer(recording, events)
-        named, found = _named(found), trace(recording, progress)
+        named = _named(found)
+        found = trace(recording, _again(progress, "without what is local in time"))
         if _named(found) != named:
             # What rings on a spring that only now has its name stood out before it had.
             events, _ = _events(found, whole)
             recording = spared(whole, events)
-            found = trace(recording, progress)
+            found = trace(recording, _again(progress, "with events of the repaired model"))
         loads = unnamed_loads(wound_up(found))
     progress("errors and intervals")
     found = beyond_interface(found)
@@ -107,6 +108,11 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     )
 
 
+def _again(progress: Callable[[str], None], why: str) -> Callable[[str], None]:
+    """Return what tells of a search that is repeated, and why it is."""
+    return lambda what: progress(f"{what} (again, {why})")
+
+
 def _outcome(found: Trace, events: Sequence[Event], loads: Sequence[Carried]) -> Outcome:
     hidden = hidden_effects(*found.fits[1], found.rows)
     return outcome_of(found, events, loads, structures(found.model, found.rows), hidden)
@@ -124,13 +130,14 @@ def _events(found: Trace, recording: Recording) -> tuple[tuple[Event, ...], tupl
 
 def _synchronised(found: Trace, progress: Callable[[str], None]) -> tuple[Trace, str]:
     """Return the trace of a limb at the times of its efforts, and a sentence of it; or as it is."""
+    again = _again(progress, "with efforts and positions of one moment")
     if found.steps and not tells_time(found.model):
         # What is late in a log was compliance or inertia of clean limbs, and then late no more.
         shifted, late = synchronised_limb(found.without_names(""))
-        if late and (alone := trace(shifted, progress)).verdict is Verdict.ADEQUATE:
+        if late and (alone := trace(shifted, again)).verdict is Verdict.ADEQUATE:
             return alone, late
     shifted, late = synchronised_limb(found)
-    return (trace(shifted, progress), late) if late else (found, "")
+    return (trace(shifted, again), late) if late else (found, "")
 
 
 def _named(found: Trace) -> set[tuple[str, int]]:

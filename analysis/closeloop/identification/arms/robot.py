@@ -81,8 +81,12 @@ def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -
     """
     grown = _traced(declared, rows, progress, links_free=True)
     if grown.model.given is not None:
-        progress("the same with the links as they are declared")
-        alone = _traced(declared, rows, progress, links_free=False)
+        alone = _traced(
+            declared,
+            rows,
+            lambda what: progress(f"{what}, with the links as they are declared"),
+            links_free=False,
+        )
         grown = grown if _needed(grown, alone, rows) else alone
     model = with_heavier_link(grown.model, rows)
     if model is grown.model:
@@ -129,8 +133,9 @@ def _traced(
     model, found = with_loose(model, rows)
     if found:
         model = settled_loose(shared_again(model), rows)
-    for joint in rows.joints:
-        progress(f"{declared.recording.name(joint)}: what else")
+    for number, joint in enumerate(rows.joints, start=1):
+        name = declared.recording.name(joint)
+        progress(f"{name}: what else (joint {number} of {len(rows.joints)})")
         model, steps = with_rare(model, rows, joint)
         found |= steps
     model, steps = with_loose(model, rows)

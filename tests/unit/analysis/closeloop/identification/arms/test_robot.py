@@ -40,7 +40,10 @@ def test_damping_that_a_ripple_hides_is_found_beside_it(monkeypatch: pytest.Monk
     effort += 0.002 * np.random.default_rng(5).standard_normal(effort.shape)
     arm = replace(still, effort=still.filtered(effort), cache={})
     rows = select_rows(arm, (0,))
-    found = robot.traced_robot(Model(arm), robot.weighed(Model(arm), rows), lambda _: None)
+    told: list[str] = []
+    found = robot.traced_robot(Model(arm), robot.weighed(Model(arm), rows), told.append)
+    of_joints = [line for line in told if "what else" in line]
+    assert "(joint 1 of " in of_joints[0] and len(of_joints) >= len(rows.joints)
     assert {step.key for step in found.steps} == {
         ("torque_ripple", ELBOW),
         ("viscous_friction", ELBOW),
