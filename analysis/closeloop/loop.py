@@ -71,7 +71,7 @@ def analyse(folder: Path, progress: Callable[[str], None] = lambda _: None) -> A
     if any(step.taken.candidate.effect.remembers for step in found.steps):
         seen = without_forgotten(recording)
         if seen is not recording:
-            recording, found = seen, trace(seen, progress)
+            recording, found = seen, trace(seen, _again(progress, "without what follows gaps"))
     found, late = _synchronised(found, progress)
     recording, skewed = (found.rows.recording, late) if late else (recording, skewed)
     progress("torque that is local in time")
