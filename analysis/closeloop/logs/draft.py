@@ -126,9 +126,8 @@ def write_session(
     if not any(name in taken for name, _ in efforts):
         joint = next(name for name in taken if name.endswith(".position")).removesuffix(".position")
         raise SessionError(
-            f"{listed(channel for _, channel in efforts)} stand at other times than the positions, "
-            "and only the effort of a joint that has one can be taken at them: say which is, as by "
-            f"--as '{efforts[0][1]}={joint}.effort*FACTOR_TO_SI'",
+            f"no effort is left: {'; '.join(of_streams)}; if one is of a joint with a position, "
+            f"say which, as by --as '{efforts[0][1]}={joint}.effort*FACTOR_TO_SI'",
             file=stem,
         )
     remarks += of_streams

@@ -43,8 +43,14 @@ def on_one_clock(taken: Mapping[str, Belief]) -> tuple[dict[str, Belief], list[s
         joint, _, signal = name.rpartition(".")
         beside = taken.get(f"{joint}.position")
         values = _at(time, own, belief) if signal == "effort" else None
-        if values is None or beside is None or _has_another_clock(beside, time):
-            remarks.append(f"{belief.channel.name} has another clock and was left out")
+        of_joint = beside is not None and not _has_another_clock(beside, time)
+        if values is None or not of_joint:
+            why = (
+                f", too slow for {position.channel.name} or beginning anew,"
+                if signal == "effort" and of_joint
+                else ""
+            )
+            remarks.append(f"{belief.channel.name} has another clock{why} and was left out")
             continue
         merged |= not apart
         moved.append(belief.channel.name)

@@ -21,7 +21,7 @@ from intake.xml import listed
 
 TIME = "time"
 #: Endings of logs that hold no text, which `rehyb inspect` reads.
-LOGS = (".bag", ".mcap", ".db3", ".mat", ".npz", ".h5", ".hdf5")
+LOGS = (".bag", ".mcap", ".db3", ".mat", ".npz", ".npy", ".h5", ".hdf5")
 MAX_BYTES = 400_000_000
 MAX_COLUMNS = 500
 MIN_SAMPLES = 50

@@ -50,14 +50,18 @@ def test_nothing_is_taken_within_a_gap_of_the_efforts(tmp_path: Path) -> None:
     assert not ((table[:, 0] > 1.01) & (table[:, 0] < 1.99)).any() and len(table) > 500
 
 
-@pytest.mark.parametrize("names", [("knee.position", "hip.effort"), ("q", "tau")])
+@pytest.mark.parametrize(
+    ("names", "slower", "why"),
+    [
+        (("knee.position", "hip.effort"), 1, "hip.effort has another clock and was left out"),
+        (("q", "tau"), 10, "tau has another clock, too slow for q or beginning anew,"),
+    ],
+)
 def test_efforts_of_no_joint_with_a_position_or_too_few_are_told(
-    tmp_path: Path, names: tuple[str, str]
+    tmp_path: Path, names: tuple[str, str], slower: int, why: str
 ) -> None:
-    log = merged(names=names, slower=1 if names[0] != "q" else 10)
-    with pytest.raises(
-        SessionError, match=r"stand at other times than the positions.*\.effort\*FACTOR"
-    ):
+    log = merged(names=names, slower=slower)
+    with pytest.raises(SessionError, match=rf"no effort is left: {why}.*\.effort\*FACTOR"):
         written(tmp_path, believe(log))
 
 
