@@ -31,6 +31,8 @@ ODD_SHARE = 0.01
 STUCK_RUN = 0.1
 STUCK = 0.02
 STUCK_SHARE = 0.05
+#: Share of the other samples of an effort that differ from the one before, if it is measured.
+LIVELY = 0.95
 #: Range of a random walk without its trend, over the root mean square of its end, at most.
 WALK = 3.0
 STILL = "no position changes; if the joints were not held, look at the encoders"
@@ -150,6 +152,8 @@ def checked_trial(trial: Trial, device: Device, limb_joints: Collection[str]) ->
                     ", or leave the column out if it has no motor: its motion is read all the same"
                 )
             raise fault(trial, why, column, int(np.argmax(at)))
+        if stuck := _stuck_effort(effort, position, joint):
+            trial = replace(trial, repairs=(*trial.repairs, stuck))
     return trial if moving else replace(trial, repairs=(*trial.repairs, STILL))
 
 
@@ -298,6 +302,27 @@ def _check_stuck(trial: Trial, joint: str, position: np.ndarray, velocity: np.nd
                 "says that the joint moves; look at the encoder"
             )
             raise fault(trial, why, f"{joint}.position", start)
+
+
+def _stuck_effort(effort: np.ndarray, position: np.ndarray, joint: str) -> str:
+    """Say of an effort that it stays at one value in motion, and nowhere else; empty if not.
+
+    A command may do so, so it is no error. At zero the motor may be off.
+    """
+    edges = np.flatnonzero(np.diff(effort)) + 1
+    ends = [0, *edges, len(effort)]
+    longest = int(np.argmax(np.diff(ends)))
+    start, end = ends[longest], ends[longest + 1]
+    count, others = end - start, len(effort) - (end - start)
+    lively = len(edges) >= LIVELY * others and others > 0
+    if not lively or not effort[start] or count < max(3.0, STUCK_RUN * len(effort)):
+        return ""
+    if np.ptp(position[start:end]) <= max(MOVING, STUCK_SHARE * float(np.ptp(position))):
+        return ""
+    return (
+        f"{joint}.effort stays at {effort[start]:g} for {count} samples while the joint moves, and "
+        "elsewhere changes with each: if its sensor was stuck, leave them out by from and to"
+    )
 
 
 def in_motion(recording: Recording, joint: int) -> np.ndarray:

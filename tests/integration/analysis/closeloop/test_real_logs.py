@@ -153,6 +153,20 @@ def test_a_clock_that_begins_anew_is_told_as_another_trial(tmp_path: Path) -> No
     assert refused.value.line == 502
 
 
+@pytest.mark.parametrize(("value", "told"), [(0.7, True), (0.0, False)])
+def test_an_effort_that_is_stuck_while_its_joint_moves_is_told(
+    tmp_path: Path, value: float, told: bool
+) -> None:
+    """A stranger tried it. At zero the motor may be off, and somebody moves the joint."""
+    table = rows()
+    effort = HEADER.split(",").index("elbow.effort")
+    table[:, effort] += 0.01 * np.random.default_rng(0).standard_normal(len(table))
+    assert repairs(load_session(written(tmp_path / "a", table))) == ()
+    table[200:500, effort] = value
+    said = repairs(load_session(written(tmp_path / "b", table)))
+    assert any("stays at 0.7 for 300 samples while the joint moves" in s for s in said) == told
+
+
 @pytest.mark.parametrize("fault", ["copies", "empty cells"])
 def test_more_than_one_sample_in_a_hundred_is_an_error(tmp_path: Path, fault: str) -> None:
     table = rows()
