@@ -4,6 +4,7 @@ Fitted so that a few wrong seconds do not count (bisquare weights, Beaton and Tu
 second predicted from others.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from analysis.closeloop.identification.balance.least_squares import gram_matrice
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import SCATTERED, Rows
 from analysis.closeloop.identification.explainable import phase_groups, signal_groups
+from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import with_free_presliding
 from analysis.closeloop.judgement.holds import spread
 
@@ -24,6 +26,8 @@ COLOUR = 10.0
 LIKE = 0.25
 #: Trials in which a limb's tone may differ, and the share of the spread that is left if it does.
 LEAST_TRIALS, DIFFERS = 3, 0.7
+#: How long before and after an event filters carry it, s.
+BESIDE = 0.1
 #: Rounds of the robust fit, and its bisquare's width.
 ROUNDS, WIDTH = 5, 4.7
 
@@ -114,6 +118,23 @@ def beyond_splines(
         # while looking at limbs 639 and 5059 of the unkind bench.)
         return Beyond(alone=alone, left=alone, doubt=np.zeros(len(alone)))
     return Beyond(alone=alone, left=left, doubt=doubt)
+
+
+def right_between(model: Model, rows: Rows, joint: int, events: Sequence[Event]) -> bool:
+    """Whether a joint's model leaves no more between events than splines on all signals do.
+
+    Of a form that is wrong they take some wherever the joint goes, and events are what it leaves.
+    """
+    recording, samples = rows.recording, rows.samples[joint]
+    beyond = beyond_splines(model, rows, joint, recording.usable[samples])
+    time, trial = recording.time[samples], recording.trial[samples]
+    between = np.ones(len(samples), dtype=bool)
+    for event in events:
+        inside = (time >= event.begin - BESIDE) & (time <= event.end + BESIDE)
+        between &= ~(inside & (trial == event.trial))
+    if between.sum() < LEAST_ROWS:
+        return False
+    return spread(beyond.alone[between]) <= spread(beyond.left[between])
 
 
 def _tone(

@@ -29,7 +29,7 @@ from analysis.closeloop.identification.balance.terms import kept_columns
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import rubbing_anyway
 from analysis.closeloop.identification.spectrum import strongest_line
-from analysis.closeloop.judgement.beyond import LEAST_ROWS, beyond_splines
+from analysis.closeloop.judgement.beyond import LEAST_ROWS, beyond_splines, right_between
 from analysis.closeloop.judgement.gaps import gaps_of, of_gaps, with_sides
 from analysis.closeloop.judgement.holds import (
     AROUND,
@@ -54,7 +54,8 @@ PEAK, FLANK = 6.0, 2.5
 SCALES = (0.0, 0.2, 0.6)
 #: Time that a motor moves its joint, s, before a fit to it tells what an excursion from rest takes.
 TELLS = 6.0
-#: How often a second of motion something may stand out; more often it is a form that is wrong.
+#: How often a second of motion something may stand out; more often it is a form that is wrong,
+#: unless the form is right wherever nothing does.
 OFTEN = 0.15
 #: What takes a larger share of the time than this is not local.
 LOCAL = 0.25
@@ -104,14 +105,16 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             unknown = unknown + crossing(model, rows, joint) + recalled(model, rows, joint)
             unknown = unknown + of_gaps(model, rows, joint, gaps)
             stands_out = [*_moving(known, every, joint, unknown)]
-            often = len(_long(event for event, _ in stands_out))
             own = _long(event for event, swings in stands_out if not swings)
             seconds = len(samples) * samples_step(samples) / recording.rate
             moved = driven(recording, joint, samples) | goes_itself(recording, joint)[samples]
             if int(moved.sum()) * seconds > TELLS * len(samples):
                 torque = prediction(model, evaluate(model, rows).coefficients)[:, [joint]]
                 expected[joint] = recording.filtered(torque)[:, 0]
-            found += _over_rests(own, rows, joint) if often <= max(3.0, OFTEN * seconds) else []
+            both = [event for event, _ in stands_out]
+            few = len(_long(both)) <= max(3.0, OFTEN * seconds)
+            if few or right_between(known, every, joint, both):
+                found += _over_rests(own, rows, joint)
     for joint in range(recording.effort.shape[1]):
         moved = expected.get(joint)
         abrupt = 0.0 if moved is None else ABRUPT * upper_octave(recording, joint)

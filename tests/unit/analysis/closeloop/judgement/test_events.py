@@ -134,6 +134,21 @@ def test_two_pushes_are_found_with_their_times_and_peaks(swinging: Recording) ->
     assert 40.8 < other.begin < 41.4 < other.end < 42.0 and other.peak < -0.4
 
 
+@pytest.mark.parametrize(("wave", "told"), [(0.0, 14), (0.3, 0)])
+def test_many_pushes_are_found_where_the_model_is_right_between_them(
+    swinging: Recording, wave: float, told: int
+) -> None:
+    """Three a trial were none, and K 2 % off by them: a stranger's. Of a wrong model none is."""
+    begins = 3.0 + 4.1 * np.arange(14) + np.random.default_rng(7).uniform(0.0, 1.5, 14)
+    signs = np.random.default_rng(8).choice([-1.0, 1.0], 14)
+    pushes = sum(pushed(begin, 0.4, 2.0 * sign) for begin, sign in zip(begins, signs, strict=True))
+    found = with_effort(swinging, pushes + wave * np.sin(9.0 * swinging.position[:, 1]))
+    events = find_events(Model(found), found)
+    assert len(events) == told
+    for begin, event in zip(begins, events, strict=False):
+        assert event.begin < begin + 0.2 < event.end
+
+
 def test_drag_is_no_push_where_a_joint_is_fastest(recording: Recording) -> None:
     """It is fast for a few moments alone, of which splines know too little: a stranger's eight."""
     bursts = sum(pushed(begin, 0.8, 0.9) for begin in (9.0, 27.0, 44.0))
