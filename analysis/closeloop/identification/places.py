@@ -5,6 +5,7 @@ from dataclasses import replace
 from analysis.closeloop.identification.balance.model import Model, estimate_of, evaluate
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.searched import searched
+from analysis.closeloop.identification.balance.sticking import known_friction, left_of
 from analysis.closeloop.identification.balance.terms import Term
 from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.candidates import best_of
@@ -36,7 +37,9 @@ def _beside(model: Model, term: Term, rows: Rows) -> Model | None:
     estimate = estimate_of(model, evaluate(model, rows).coefficients)
     joint = RecordedJoint(model.recording, candidate.joint, estimate)
     begin, free = effect.searches(term.theta)[-1]
-    theta = searched(rest, rows, candidate, joint, begin, free)
+    # Where friction turns, later than any model of it, its steps would tell a place.
+    sure = rows.where(known_friction(model, rows, left_of(model, rows, rows)))
+    theta = searched(rest, sure, candidate, joint, begin, free)
     found = best_of(rest, rows, candidate, [theta], joint)
     if found is None:
         return None
