@@ -2,7 +2,8 @@
 
 Effects are looked for beside what is declared, so a sign that is wrong there ends in a wrong name.
 The mistakes that are made most each have one remedy, which is tried: an effort is turned round, two
-or two joints' positions are exchanged, gravity acts another way or not at all. One is right if it
+or two joints' positions are exchanged, one joint is counted the other way round, gravity acts
+another way or not at all. One is right if it
 leaves less than half of what the declaration leaves, beside friction, inertia and an offset of
 every joint, and whatever the links' masses; of several the one that leaves least is told.
 """
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from analysis.closeloop.errors import SessionError
-from analysis.closeloop.remedies import with_motions_exchanged
+from analysis.closeloop.remedies import scaled, with_motions_exchanged
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import TRAVEL
 from analysis.closeloop.session.signals import rms
@@ -88,9 +89,10 @@ def check_declared(recording: Recording) -> None:
     """
     joints = _joints(recording)
     wrong, left = _wrong_columns(joints)
-    exchanged = _exchanged_positions(recording, joints, LEAVES * left)
-    if exchanged is not None:
-        wrong, left = [exchanged[0]], exchanged[1]
+    for looked_for in (_exchanged_positions, _turned_positions):
+        found = looked_for(recording, joints, LEAVES * left)
+        if found is not None:
+            wrong, left = [found[0]], found[1]
     gravity = _other_gravity(recording, joints)
     if not wrong or (gravity is not None and gravity[1] < left):
         return
@@ -175,6 +177,42 @@ def _exchanged_positions(
                 f"recorded up to {max(own.values()):.0%}; exchange their columns of position"
             )
             found = (f"{one.name}.position", why), most
+    return found
+
+
+def _turned_positions(
+    recording: Recording, joints: list[Joint], most: float
+) -> tuple[tuple[str, str], float] | None:
+    """Return a joint whose position is counted the other way round; args as above.
+
+    Its effort may be, too: of either way what leaves less. A counterweight turns only gravity.
+    """
+    own = {joint.number: joint.left(joint.effort) for joint in joints}
+    if max(own.values(), default=0.0) <= LITTLE:
+        return None
+    most = min(most, BALANCED * sum(joint.left(joint.effort, balanced=True) for joint in joints))
+    found = None
+    for turned in joints:
+        if np.ptp(turned.position) <= TRAVEL:
+            continue
+        sign = np.ones(recording.position.shape[1])
+        sign[turned.number] = -1.0
+        left, also = {}, False
+        for joint in _moved(scaled(recording, sign)):
+            left[joint.number] = joint.left(joint.effort)
+            if joint.number == turned.number:
+                other = joint.left(-joint.effort)
+                also = other < left[joint.number]
+                left[joint.number] = min(other, left[joint.number])
+        if _better(own, left) and sum(left.values()) < most:
+            most = sum(left.values())
+            of_effort = ", of velocity and of effort" if also else " and of velocity"
+            why = (
+                f"is counted the other way round: so the declared models leave at most "
+                f"{max(left.values()):.0%} of an effort's variance, as recorded up to "
+                f"{max(own.values()):.0%}; turn the sign of {turned.name}'s position{of_effort}"
+            )
+            found = (f"{turned.name}.position", why), most
     return found
 
 

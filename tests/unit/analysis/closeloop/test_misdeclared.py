@@ -13,7 +13,7 @@ from analysis.closeloop.misdeclared import (
     check_declared,
     doubtful_gravity,
 )
-from analysis.closeloop.remedies import with_motions_exchanged
+from analysis.closeloop.remedies import scaled, with_motions_exchanged
 from analysis.closeloop.session.device import Device
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.signs import check_signs
@@ -116,6 +116,22 @@ def test_two_positions_that_are_exchanged_are_refused(robot: Recording) -> None:
     error = refused(with_motions_exchanged(robot, (0, 1)))
     assert error.column == "shoulder.position" and "exchanged with that of elbow" in str(error)
     assert "exchange their columns of position" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("both", "what"), [(False, "position and of velocity"), (True, "position, of velocity and of")]
+)
+def test_a_joint_that_is_counted_the_other_way_round_is_refused(
+    robot: Recording, both: bool, what: str
+) -> None:
+    """It had offsets and a delay at four joints of a stranger's arm."""
+    sign = np.array([1.0, -1.0])
+    turned = scaled(robot, sign)
+    if both:
+        turned = replace(turned, effort=robot.effort * sign, cache={})
+    error = refused(turned)
+    assert error.column == "elbow.position" and "is counted the other way round" in str(error)
+    assert f"turn the sign of elbow's {what}" in str(error)
 
 
 def test_efforts_that_are_exchanged_are_not_told_to_be_turned_round() -> None:
