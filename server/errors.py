@@ -23,6 +23,10 @@ class WrongPathError(ConflictError):
     """What a path leads to is not there, is not for this user, or is not what is taken."""
 
 
+class OtherDatabaseError(WrongPathError):
+    """The database is somebody else's: it has tables, and none of rehyb's."""
+
+
 class BadSettingError(CoordinatorError):
     """What an operator has set or typed cannot be."""
 

@@ -82,12 +82,19 @@ def open_sqlite(connection: Any, _record: Any) -> None:
     # sqlite3 would open transactions by rules of its own; `engine` does it instead.
     connection.isolation_level = None
     connection.execute(f"PRAGMA busy_timeout = {BUSY_SECONDS * 1000}")
-    use_write_ahead_log(connection)
+    if not _is_anothers(connection):
+        use_write_ahead_log(connection)
     # Losing power may lose the last commits, never consistency: their instances are leased again.
     connection.execute("PRAGMA synchronous = NORMAL")
     # The log is copied into the file, and the disk waited for, when it has so many pages.
     connection.execute(f"PRAGMA wal_autocheckpoint = {LOG_PAGES}")
     connection.execute("PRAGMA foreign_keys = ON")
+
+
+def _is_anothers(connection: Any) -> bool:
+    """Whether a file has tables and no schema of ours: WAL stays with a file for good."""
+    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+    return bool(tables) and "alembic_version" not in tables
 
 
 def use_write_ahead_log(connection: Any) -> None:

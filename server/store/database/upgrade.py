@@ -7,12 +7,17 @@ from alembic import command
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
+from sqlalchemy import inspect
 from sqlalchemy.engine import Connection, Engine
 
 import migrations
-from server.errors import OldSchemaError, SchemaError
+from server.errors import OldSchemaError, OtherDatabaseError, SchemaError
 from server.store.database.engine import create_engine, reading, writing
 
+#: A table that every schema of rehyb has, and the one where Alembic keeps which schema it is.
+_OURS, _VERSION = "studies", "alembic_version"
+#: Tables of somebody else's that are named.
+_NAMED = 5
 #: Any number, as long as every version of this program takes the same PostgreSQL advisory lock.
 _UPGRADE_LOCK = 827_346_501
 
@@ -24,6 +29,7 @@ def upgrade(url: str) -> None:
 
     Raises:
         SchemaError: the database was made by a newer version.
+        OtherDatabaseError: it is somebody else's; it stays as it was.
     """
     engine = create_engine(url)
     try:
@@ -41,6 +47,7 @@ def require_current(engine: Engine) -> None:
 
     Raises:
         OldSchemaError: it has none, or an older one.
+        OtherDatabaseError: it is somebody else's.
     """
     with reading(engine) as connection:
         current, head = _current(connection), _head()
@@ -87,7 +94,19 @@ def _head() -> str:
 
 
 def _current(connection: Connection) -> str | None:
-    """Return the database's schema, None if it has none; SchemaError if it is unknown here."""
+    """Return the database's schema, None if it is empty.
+
+    Raises:
+        SchemaError: it is unknown here.
+        OtherDatabaseError: what the schema in use holds is not rehyb's.
+    """
+    tables = set(inspect(connection).get_table_names())
+    if tables and _OURS not in tables and (others := sorted(tables - {_VERSION})):
+        more = ", ..." if len(others) > _NAMED else ""
+        raise OtherDatabaseError(
+            f"the database is not rehyb's: it holds other tables ({', '.join(others[:_NAMED])}"
+            f"{more}); name another file or database by REHYB_DATABASE_URL"
+        )
     current = MigrationContext.configure(connection).get_current_revision()
     known = {script.revision for script in _scripts().walk_revisions()}
     if current is not None and current not in known:

@@ -2,6 +2,7 @@
 
 import sqlite3
 import threading
+from collections.abc import Callable
 
 import pytest
 import sqlalchemy as sa
@@ -9,7 +10,7 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy.engine import Engine
 
-from server.errors import SchemaError
+from server.errors import OtherDatabaseError, SchemaError
 from server.store import create_engine, require_current, upgrade
 from server.store.database.engine import writing
 from server.store.database.files import use_write_ahead_log
@@ -52,6 +53,45 @@ def test_a_database_without_a_schema_is_refused(url: str) -> None:
     with pytest.raises(SchemaError, match=r"has schema none, .* run `rehyb db upgrade`"):
         require_current(engine)
     engine.dispose()
+
+
+@pytest.mark.parametrize("version", [None, "0001", "4f2c"], ids=["plain", "as_ours", "alembic"])
+def test_a_database_of_somebody_else_is_refused_and_left_alone(
+    version: str | None, url: str
+) -> None:
+    tables = ["foo"] if version is None else ["alembic_version", "foo"]
+    own = sa.create_engine(url)
+    with own.begin() as connection:
+        connection.exec_driver_sql("CREATE TABLE foo (x INTEGER)")
+        if version is not None:
+            connection.exec_driver_sql("CREATE TABLE alembic_version (version_num VARCHAR(32))")
+            connection.exec_driver_sql(f"INSERT INTO alembic_version VALUES ('{version}')")
+    engine = create_engine(url)
+    for attempt in (lambda: upgrade(url), lambda: require_current(engine)):
+        with pytest.raises(OtherDatabaseError, match=r"holds other tables \(foo\); name another"):
+            attempt()
+    engine.dispose()
+    assert sorted(sa.inspect(own).get_table_names()) == tables
+    if version is None and own.dialect.name == "sqlite":
+        with own.connect() as connection:
+            assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "delete"
+    own.dispose()
+
+
+def test_tables_of_another_schema_of_postgresql_are_nobodys_business(
+    empty_database: Callable[[], str],
+) -> None:
+    url = empty_database()
+    own = sa.create_engine(url)
+    try:
+        with own.begin() as connection:
+            connection.exec_driver_sql("CREATE SCHEMA theirs")
+            connection.exec_driver_sql("CREATE TABLE theirs.foo (x INTEGER)")
+        upgrade(url)
+    finally:
+        with own.begin() as connection:
+            connection.exec_driver_sql("DROP SCHEMA theirs CASCADE")
+        own.dispose()
 
 
 def test_a_newer_schema_is_refused_and_left_alone(url: str) -> None:

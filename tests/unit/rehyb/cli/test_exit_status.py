@@ -1,6 +1,8 @@
 """Exit status: 2 for what is not there or not what a command takes, 1 for what failed."""
 
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -39,11 +41,18 @@ def test_what_is_not_there_or_not_what_a_command_takes_is_status_2(
     assert (status, out) == (2, "") and err and "Traceback" not in err
 
 
+def somebody_elses(file: Path) -> None:
+    """Make a database that is not rehyb's."""
+    with closing(sqlite3.connect(file)) as made:
+        made.execute("CREATE TABLE foo (x)")
+
+
 @pytest.mark.parametrize(
     ("database", "said"),
     [
         ("nothere.sqlite3", "there is no database"),
         ("folder", "is a folder"),
+        ("theirs.sqlite3", "it holds other tables (foo); name another file"),
         ("log.csv", "log.csv is no SQLite database of rehyb (file is not a database)"),
     ],
 )
@@ -61,10 +70,24 @@ def test_a_database_that_is_none_is_status_2_and_nobody_is_sent_to_a_backup(
     monkeypatch.chdir(tmp_path)
     Path("log.csv").write_text(LOG)
     Path("folder").mkdir()
+    somebody_elses(Path("theirs.sqlite3"))
     monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{database}")
     status, out, err = run(*command.split())
     assert (status, out) == (2, "") and said in err and "restore" not in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["db upgrade", "coordinator"])
+def test_nothing_is_written_into_a_database_of_somebody_else(
+    command: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    somebody_elses(file := tmp_path / "theirs.sqlite3")
+    before = file.read_bytes()
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{file}")
+    status, _, err = run(*command.split())
+    assert status == 2 and "it holds other tables (foo); name another file" in err
+    assert file.read_bytes() == before
 
 
 def test_a_coordinator_on_a_text_file_is_told_that_it_is_no_database(
