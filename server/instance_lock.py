@@ -38,7 +38,7 @@ def instance_lock(url: str) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise ConflictError(
-                f"another coordinator serves {database.database}: stop it first, or set "
-                "REHYB_DATABASE_URL to another database"
+                f"a coordinator, or a `rehyb db` command, is at work on {database.database}: stop "
+                "it first, or set REHYB_DATABASE_URL to another database"
             ) from None
         yield

@@ -273,14 +273,18 @@ def test_a_second_coordinator_on_the_same_file_refuses_to_start(
     start: Start, tmp_path: Path
 ) -> None:
     first = start()
-    with pytest.raises(AssertionError, match="another coordinator serves"):
+    with pytest.raises(
+        AssertionError, match="a coordinator, or a `rehyb db` command, is at work on"
+    ):
         start()
     # Nor by another name of it.
     soft, hard = tmp_path / "soft.sqlite3", tmp_path / "hard.sqlite3"
     soft.symlink_to("rehyb.sqlite3")
     hard.hardlink_to(tmp_path / "rehyb.sqlite3")
     for link in (soft, hard):
-        with pytest.raises(AssertionError, match="another coordinator serves"):
+        with pytest.raises(
+            AssertionError, match="a coordinator, or a `rehyb db` command, is at work on"
+        ):
             start(REHYB_DATABASE_URL=f"sqlite:///{link}")
     assert first.stop()[0] == 0
     start()

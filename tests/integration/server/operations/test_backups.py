@@ -94,7 +94,9 @@ def test_nothing_is_restored_while_a_coordinator_or_another_process_has_the_data
     backup = str(file.with_name("backup"))
     with instance_lock(f"sqlite:///{file}"):
         status, _, err = run("db", "restore", backup)
-    assert status == 1 and err.startswith("rehyb: another coordinator serves")
+    assert status == 1 and err.startswith(
+        "rehyb: a coordinator, or a `rehyb db` command, is at work on"
+    )
     with subprocess.Popen(
         [sys.executable, "-c", OPEN, file], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as other:

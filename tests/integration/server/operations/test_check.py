@@ -148,7 +148,7 @@ def test_a_second_coordinator_on_one_file_is_refused(tmp_path: Path) -> None:
         instance_lock(f"sqlite:///{tmp_path / 'b.sqlite3'}"),
         instance_lock("postgresql+psycopg://h/a"),
         instance_lock("postgresql+psycopg://h/a"),
-        pytest.raises(ConflictError, match="another coordinator serves"),
+        pytest.raises(ConflictError, match="a coordinator, or a `rehyb db` command, is at work on"),
         instance_lock(url),
     ):
         raise AssertionError("two coordinators")

@@ -144,7 +144,10 @@ def test_the_command_copies_and_checks_and_says_what_is_wrong_in_a_sentence(
         status, _, err = run(wrong)
         assert status in (1, 2) and words in err and len(err.splitlines()) == 1, err
     with instance_lock(url):
-        assert "another coordinator serves" in run(f"sqlite:///{tmp_path / 'other.sqlite3'}")[2]
+        assert (
+            "a coordinator, or a `rehyb db` command, is at work on"
+            in run(f"sqlite:///{tmp_path / 'other.sqlite3'}")[2]
+        )
 
 
 def test_of_a_postgresql_that_others_have_open_it_is_said_that_the_copy_may_lack_something(
