@@ -18,6 +18,7 @@ from analysis.interpretation.bank.archive import is_finite, read_arrays
 from analysis.interpretation.declared import other_robot
 from analysis.interpretation.errors import InterpretationError
 from analysis.interpretation.sensors import beyond_motor, despiked, impossible
+from intake.arrays import DamagedArraysError, NoArraysError
 from sim.assessment.nominal import REFERENCE_HEIGHT, REFERENCE_MASS
 from sim.assessment.summary import (
     AFTER,
@@ -142,7 +143,9 @@ def _from_archive(path: Path) -> Recording:
         arrays = read_arrays(path)
     except FileNotFoundError:
         raise InterpretationError(f"{path}: there is no such file") from None
-    except ValueError:
+    except DamagedArraysError as error:
+        raise InterpretationError(f"{path} {error}") from None
+    except NoArraysError:
         raise InterpretationError(
             f"{path} is no recording: take a file of `rehyb assess --record`, or a session"
         ) from None

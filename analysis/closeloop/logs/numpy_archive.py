@@ -1,6 +1,5 @@
 """NumPy's arrays, and archives of them: every array of numbers as channels."""
 
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from analysis.closeloop.errors import SessionError
 from analysis.closeloop.logs.arrays import log_of
 from analysis.closeloop.logs.hdf5 import MAX_NUMBERS
 from analysis.closeloop.logs.log import A_PICKLE, Log
+from intake.arrays import NoArraysError, read_arrays
 
 #: Of all arrays together, unpacked; a file of a few bytes can hold any number of zeros.
 MAX_BYTES = 8 * MAX_NUMBERS
@@ -22,23 +22,12 @@ def read(path: Path) -> Log:
     Raises:
         SessionError: the file is damaged, or too large.
     """
-    if not zipfile.is_zipfile(path):
-        raise SessionError("is no NumPy archive", file=path.name)
-    arrays: list[tuple[str, np.ndarray]] = []
-    objects = []
-    with np.load(path, allow_pickle=False) as archive:
-        size = sum(entry.file_size for entry in archive.zip.infolist())
-        if size > MAX_BYTES:
-            what = f"holds {size} bytes; at most {MAX_BYTES}"
-            raise SessionError(what, file=path.name)
-        for name in archive.files:
-            try:
-                array = archive[name]
-            except ValueError:
-                objects.append(name)
-                continue
-            arrays += _of_numbers(name, array)
-    log = log_of("NumPy", arrays)
+    try:
+        arrays, objects = read_arrays(path, most_bytes=MAX_BYTES)
+    except NoArraysError as error:
+        raise SessionError(str(error), file=path.name) from None
+    usable = [both for name, array in arrays.items() for both in _of_numbers(name, array)]
+    log = log_of("NumPy", usable)
     log.remarks += [f"{name} holds no numbers, but objects, and was left out" for name in objects]
     return log
 

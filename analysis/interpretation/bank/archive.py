@@ -1,10 +1,11 @@
-"""NumPy archives from outside: what is none is one kind of error."""
+"""Arrays of numbers from outside."""
 
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
+
+from intake import arrays
+from intake.arrays import NoArraysError
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
@@ -12,19 +13,12 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is no archive of arrays, or holds what is no array.
+        NoArraysError: it is no archive of arrays, is damaged, or holds what are no numbers.
     """
-    try:
-        # An unknown packing and a password are RuntimeErrors of zipfile.
-        file = np.load(path, allow_pickle=False)
-        if isinstance(file, np.ndarray):
-            raise ValueError("one array, and no archive")
-        with file:
-            return {name: file[name] for name in file.files}
-    except FileNotFoundError:
-        raise
-    except (OSError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error):
-        raise ValueError(f"{path} is no archive of arrays") from None
+    found, objects = arrays.read_arrays(path)
+    if objects:
+        raise NoArraysError(f"holds {objects[0]}, which are objects and no numbers")
+    return found
 
 
 def is_finite(array: np.ndarray) -> bool:

@@ -23,6 +23,7 @@ from analysis.interpretation.bank.population import (
     population_of,
 )
 from analysis.interpretation.errors import InterpretationError
+from intake.arrays import DamagedArraysError
 from sim.models import CURVES, ESTIMATES, TRUTHS
 
 #: Of the format of the file.
@@ -175,6 +176,8 @@ def load_bank(path: Path) -> Bank:
     Raises:
         InterpretationError: there is none, it is of another version, or damaged.
     """
+    if path.is_dir():
+        raise InterpretationError(f"{path} is a folder, and a bank is one file: name a file")
     if not path.is_file():
         raise InterpretationError(
             f"there is no bank at {path}: `rehyb bank build --out {path}` makes one"
@@ -182,7 +185,9 @@ def load_bank(path: Path) -> Bank:
     try:
         arrays = read_arrays(path)
         meta = json.loads(str(arrays.pop("meta")))
-    except (ValueError, KeyError):
+    except DamagedArraysError as error:
+        raise InterpretationError(f"{path} is a damaged bank: it {error}") from None
+    except (ValueError, KeyError, RecursionError):
         raise InterpretationError(
             f"{path} is no bank: `rehyb bank build --out FILE` makes one"
         ) from None
