@@ -186,7 +186,7 @@ def load_bank(path: Path) -> Bank:
         arrays = read_arrays(path)
         meta = json.loads(str(arrays.pop("meta")))
     except DamagedArraysError as error:
-        raise InterpretationError(f"{path} is a damaged bank: it {error}") from None
+        raise InterpretationError(f"{path} is a bank that {error}") from None
     except (ValueError, KeyError, RecursionError):
         raise InterpretationError(
             f"{path} is no bank: `rehyb bank build --out FILE` makes one"
@@ -206,20 +206,29 @@ def load_bank(path: Path) -> Bank:
         )
         for level in LEVELS
     }
-    return Bank(
+    bank = Bank(
         population=population_of(meta["population"], str(path)),
         seed=meta["seed"],
         versions=meta["versions"],
         fitted={name.removeprefix("fitted."): array for name, array in arrays.items()},
         **parts,
     )
+    # A cut array may fit the others, and still answer; no shape is known but by what was saved.
+    if bank.id != meta["id"]:
+        raise InterpretationError(
+            f"{path} is a damaged bank, or of another version of rehyb: its arrays are not those "
+            f"of bank {str(meta['id'])[:12]}; build it again with `rehyb bank build`"
+        )
+    return bank
 
 
 def _check(arrays: Mapping[str, np.ndarray], meta: Mapping[str, Any], path: Path) -> None:
     """Raise InterpretationError if something is missing, not finite, or does not fit."""
     own = [f"{level}.{part}" for level in LEVELS for part in ("rows", "factors", "values")]
     missing = [name for name in own if name not in arrays]
-    missing += [name for name in ("population", "seed", "versions", "failed") if name not in meta]
+    missing += [
+        name for name in ("id", "population", "seed", "versions", "failed") if name not in meta
+    ]
     if missing:
         raise InterpretationError(f"{path} is a damaged bank: it has no {missing[0]}")
     for name, array in arrays.items():
