@@ -1,6 +1,8 @@
 """Simulate wearers of a population, on the cores of this machine."""
 
 import multiprocessing
+import os
+import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -10,6 +12,7 @@ import numpy as np
 from analysis.interpretation.bank.bank import KEPT, LEVELS, Samples
 from analysis.interpretation.bank.population import Population
 from models.evaluation import Evaluation
+from models.processes import die_with_parent
 from sim.evaluation import evaluate
 from sim.parameters.conditions import CONTACT_ONLY
 
@@ -75,7 +78,11 @@ def _evaluated(jobs: list[tuple[str, dict[str, float]]], processes: int) -> Iter
         yield from map(_evaluate, jobs)
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+    # A killed parent tells nobody: its processes would wait for more for ever.
+    end = (os.getpid(), signal.SIGKILL)
+    with ProcessPoolExecutor(
+        processes, mp_context=context, initializer=die_with_parent, initargs=end
+    ) as pool:
         yield from pool.map(_evaluate, jobs, chunksize=_CHUNK)
 
 
