@@ -14,7 +14,7 @@ from numpy.lib import format as npy
 MOST_BYTES = 2**30
 _ENDING = ".npy"
 #: How a zip file begins, whole or not.
-_MAGIC = b"PK"
+_MAGIC = b"PK\x03\x04"
 
 
 class NoArraysError(ValueError):

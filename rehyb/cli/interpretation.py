@@ -19,6 +19,7 @@ from rehyb.client.close_loops import interpret_by_worker
 from rehyb.errors import Invalid, RehybError, refusing
 from rehyb.interpretation import bank_file, interpret_recording
 from rehyb.own_files import check_own
+from rehyb.whole_files import whole_file
 
 app = typer.Typer(help="Banks of simulated recordings, which `rehyb interpret` reads.")
 
@@ -219,7 +220,10 @@ def build(
 
     path = bank_file(out)
     check_own(path, "bank")
-    with refusing(InterpretationError):
+    if out is None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    # What keeps the file from being written is said before anything is simulated.
+    with whole_file(path) as partial, refusing(InterpretationError):
         if extend:
             if population is not None or with_effect is not None or seed is not None:
                 raise Invalid(
@@ -250,7 +254,7 @@ def build(
                     processes=processes or os.cpu_count() or 1,
                     progress=show,
                 )
-    bank.save(path)
+        bank.save(partial)
     content = describe(bank) | {"file": str(path)}
     failed = sum((*bank.bushing.failed.values(), *bank.contact.failed.values()))
     text = (

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rehyb import Client
-from rehyb.cli import app
+from rehyb.cli import app, main
 from rehyb.client.packing import packed
 from rehyb.errors import Invalid
 from sim.assessment.assess import assess
@@ -86,6 +86,21 @@ def test_a_bank_whose_extension_is_interrupted_stays_as_it_was(
     assert path.read_bytes() == bank.read_bytes()
     help_text = " ".join(RUNNER.invoke(app, ["bank", "build", "--help"]).output.split())
     assert "interrupted, it stays as it was, and what was simulated is lost" in help_text
+
+
+@pytest.mark.parametrize("out", ["nodir/x.npz", "/proc/x.npz", "."])
+def test_a_bank_that_cannot_be_written_is_refused_before_anything_is_simulated(
+    out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def simulated(*_: object, **__: object) -> None:
+        raise AssertionError("simulated")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("analysis.interpretation.build.sample", simulated)
+    monkeypatch.setattr("sys.argv", ["rehyb", "bank", "build", "--out", out])
+    with pytest.raises(SystemExit) as leaving:
+        main()
+    assert leaving.value.code == 2 and capsys.readouterr().err.startswith(f"rehyb: {out}")
 
 
 @pytest.fixture

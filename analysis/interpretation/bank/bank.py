@@ -146,7 +146,7 @@ class Bank:
         return digest.hexdigest()[:12]
 
     def save(self, path: Path) -> None:
-        """Write the bank to one file, all or nothing."""
+        """Write the bank to one file."""
         meta: dict[str, Any] = {
             "schema": SCHEMA,
             "id": self.id,
@@ -163,11 +163,9 @@ class Bank:
                 f"{level}.factors": part.factors,
                 f"{level}.values": part.values,
             }
-        path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = path.with_name(f"{path.name}.fresh")
-        with fresh.open("wb") as file:
+        # Through a file, since NumPy adds an ending to a path that lacks it.
+        with path.open("wb") as file:
             np.savez(file, meta=np.array(json.dumps(meta)), **arrays)  # type: ignore[arg-type]
-        fresh.replace(path)
 
 
 def load_bank(path: Path) -> Bank:
