@@ -118,8 +118,16 @@ def load_manifest(directory: Path, plan: Plan) -> Json:
         later: Json = {"most_rows": None, "target": None, "fixed": {}, "ranges": "table_1"}
         later |= {"outside_range": False, "described": None}
         kept: Json = manifest.get("plan", {})
-        if {**later, **kept} != asdict(plan):
-            words = ", ".join(f"{name} {value}" for name, value in kept.items())
+        there, asked = {**later, **kept}, asdict(plan)
+        if there != asked:
+            words = ", ".join(
+                # A description is as long as the model.
+                f"the model {plan.model} described otherwise"
+                if name == "described"
+                else f"{name} {there.get(name)}, not {value}"
+                for name, value in asked.items()
+                if there.get(name) != value
+            )
             raise CampaignError(
                 f"{directory} holds a different campaign ({words}): "
                 f"ask for that one again, or use another directory"

@@ -1,7 +1,7 @@
 """The command that runs the paper's two-phase study: `campaign run`."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rehyb.campaign.checks import check_plan
 from rehyb.campaign.decisions import Proposed
-from rehyb.campaign.files import Report
+from rehyb.campaign.files import MANIFEST, Report, load_manifest
 from rehyb.campaign.plans import PRESETS, Plan
 from rehyb.campaign.run import Campaign
 from rehyb.cli.answers import Answer, Token, Url, answering
-from rehyb.cli.models import added
+from rehyb.cli.models import added, read_model
 from rehyb.cli.options import (
     check_target,
     check_up_to,
@@ -22,8 +23,9 @@ from rehyb.cli.options import (
     interruptible,
     optional,
 )
-from rehyb.client import Client
+from rehyb.client import Client, Json
 from rehyb.client.models import description_of
+from rehyb.errors import Invalid, NotFound
 
 if TYPE_CHECKING:
     from models.description import Description
@@ -122,9 +124,16 @@ def run(
     from models.built_in import built_in_models
 
     own = built_in_models().get(model)
-    if own is not None:
-        plan = _plan(preset, own, output, fix or (), **sizes)
     folder = Path(model) if (Path(model) / "model.toml").is_file() else None
+    described = own
+    if own is None and folder is not None:
+        described = read_model(folder).description
+    if described is not None:
+        plan = _plan(preset, described, output, fix or (), **sizes)
+        if (directory / MANIFEST).exists():
+            load_manifest(directory, plan)
+    elif local_workers is not None:
+        raise Invalid(_no_model(model, built_in_models()))
     try:
         with interruptible(), ExitStack() as stack:
             fleet = None
@@ -138,7 +147,7 @@ def run(
                 url, token = fleet.url, fleet.token
             client = stack.enter_context(Client(url, token))
             if own is None:
-                found = client.model(model if folder is None else added(client, folder))
+                found = _found(client, model if folder is None else added(client, folder))
                 plan = _plan(preset, description_of(found), output, fix or (), **sizes)
             display = _display(stack, live=not as_json)
             report = Campaign(
@@ -159,6 +168,21 @@ def run(
     return Answer(report.to_json(), partial(_print, report))
 
 
+def _found(client: Client, model: str) -> Json:
+    """Return a model that the coordinator knows; Invalid with those that it does."""
+    try:
+        return client.model(model)
+    except NotFound:
+        raise Invalid(_no_model(model, (known["name"] for known in client.models()))) from None
+
+
+def _no_model(model: str, known: Iterable[str]) -> str:
+    return (
+        f"there is no model {model!r}: take one of {', '.join(known)}, or the folder of one of "
+        "your own"
+    )
+
+
 def _plan(
     preset: str, model: "Description", output: str | None, fix: Sequence[str], **given: Any
 ) -> Plan:
@@ -166,6 +190,7 @@ def _plan(
 
     Raises:
         typer.BadParameter: there is no such preset, factor or output, or the precision is none.
+        Invalid: the coordinator would refuse it.
     """
     from models.built_in import built_in_models
     from sim.parameters.wearer import RANGES
@@ -189,7 +214,9 @@ def _plan(
     if not own:
         chosen["described"] = model.as_json()
     called = model.name if own else model.version
-    return Plan(model=called, output=output or outputs[0], **{**PRESETS[preset], **chosen})
+    plan = Plan(model=called, output=output or outputs[0], **{**PRESETS[preset], **chosen})
+    check_plan(plan)
+    return plan
 
 
 def _display(stack: ExitStack, *, live: bool) -> "LiveDisplay | LineDisplay":

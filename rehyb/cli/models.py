@@ -54,7 +54,7 @@ def check(
     from models.running.place import Place
     from models.running.pool import Pool
 
-    read = _read(folder)
+    read = read_model(folder)
     description = read.description
     place = Place.of(description, str(read.path), umbridge or "")
     if description.kind == Kind.UMBRIDGE:
@@ -122,7 +122,7 @@ def added(client: Client, folder: Path) -> str:
     from models.description import Kind
     from models.folder import pack
 
-    read = _read(folder)
+    read = read_model(folder)
     if read.description.kind != Kind.MJCF:
         client.announce_model(read.description.as_json())
         return read.description.version
@@ -217,11 +217,11 @@ def _served(model: str) -> "tuple[Description, Any]":
         raise typer.BadParameter(
             f"there is no model {model!r}: give a folder, or one of {', '.join(built_in_models())}"
         )
-    read = _read(Path(model))
+    read = read_model(Path(model))
     return read.description, Place.of(read.description, str(read.path))
 
 
-def _read(folder: Path) -> "ModelFolder":
+def read_model(folder: Path) -> "ModelFolder":
     from models.built_in import built_in_models
     from models.folder import MODEL_FILE, ModelError, read_folder
 

@@ -162,7 +162,7 @@ def test_the_papers_campaign_is_a_preset() -> None:
 def test_another_plan_in_the_same_directory_is_refused(tmp_path: Path) -> None:
     campaign(InstantCoordinator(), tmp_path)
     other = Plan(model="sobol_g", output="y", screening_rows=13, variance_rows=8)
-    with pytest.raises(CampaignError, match=r"holds a different campaign .*screening_rows 12"):
+    with pytest.raises(CampaignError, match=r"\(screening_rows 12, not 13, seed 2, not 1\)"):
         campaign(InstantCoordinator(), tmp_path, other)
 
 

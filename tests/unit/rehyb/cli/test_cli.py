@@ -131,6 +131,15 @@ def test_a_coordinator_that_is_not_there_fails_with_what_to_do(
         ("study watch s1 --target nan --up-to 9", "--target is a positive half width of an"),
         ("campaign run --directory d --preset huge", "no preset 'huge': take demo or paper"),
         ("campaign run --directory d --output z", "elbow has no output 'z': it has stiffness_err"),
+        ("campaign run --directory d --sampling zork", "no sampling 'zork': take one of owen_blo"),
+        (
+            "campaign run --directory d --up-to 8 --variance-rows 32",
+            "phase 2 begins with 32 rows, and --up-to 8 allows fewer",
+        ),
+        (
+            "campaign run --directory d --local-workers 1 --model nope",
+            "there is no model 'nope': take one of elbow, elbow_bushing,",
+        ),
         ("study submit --target 1", "--target needs --up-to, the rows that it may cost in all"),
         ("study watch s1 --target 1", "--target and --output need --up-to, the rows that it may"),
         (
