@@ -94,7 +94,10 @@ def _design(plan: "Plan", table: "Table") -> Judgement:
     if worst > ROUNDING:
         return False, f"row {at[0]}, position {at[1]} is not what seed {plan.seed} gives"
     how = "bit for bit" if worst == 0.0 else f"to {worst:.1g} of their size"
-    return True, f"the parameters of {len(places):,} results follow from seed {plan.seed}, {how}"
+    of = "" if len(places) == plan.instances else f" (of {plan.instances:,} instances)"
+    return True, (
+        f"the parameters of {len(places):,} results{of} follow from seed {plan.seed}, {how}"
+    )
 
 
 def _failures(bundle: Bundle, table: "Table") -> Judgement:

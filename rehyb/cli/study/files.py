@@ -11,6 +11,8 @@ from rehyb.again import Code
 from rehyb.bundle.archive import Bundle, digest_of, read_bundle, write_bundle
 from rehyb.cli.answers import Answer, Token, Url, answering, file_written, study_submitted
 from rehyb.cli.options import AllowedPackages, ModelFolders, Servers, StudyId, optional
+from rehyb.cli.study.size import Yes
+from rehyb.cli.study.size import check as ask
 from rehyb.client import Client
 from rehyb.files import FORMATS
 from rehyb.files import export as write
@@ -70,6 +72,7 @@ def reproduce(
     models: ModelFolders = None,
     allow: AllowedPackages = None,
     umbridge: Servers = None,
+    yes: Yes = False,
     url: Url = None,
     token: Token = None,
 ) -> Answer:
@@ -82,7 +85,7 @@ def reproduce(
     with tempfile.TemporaryDirectory() as folder:
         read = read_bundle(file, Path(folder))
         if not check:
-            return _submitted(read, url, token)
+            return _submitted(read, url, token, yes)
         findings = []
         code = Code(folders=models or (), packages=allow or (), servers=umbridge or ())
         for finding in checks.check(read, sample=sample, seed=seed, tolerance=tolerance, code=code):
@@ -98,10 +101,10 @@ def reproduce(
     return Answer(answer, status=0 if holds else 1)
 
 
-def _submitted(bundle: Bundle, url: str | None, token: str | None) -> Answer:
+def _submitted(bundle: Bundle, url: str | None, token: str | None, yes: bool) -> Answer:
     from rehyb.bundle.study import model_of, plan_of, request_of
 
-    plan_of(bundle)
+    ask(plan_of(bundle).instances, yes)
     with Client(url, token) as client:
         if bundle.model_archive is not None:
             client.add_model(bundle.model_archive)

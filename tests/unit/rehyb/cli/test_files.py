@@ -1,6 +1,7 @@
 """Files about a study are written whole or not at all, and a check says what does not hold."""
 
 import json
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -111,3 +112,31 @@ def test_what_does_not_hold_is_exit_status_1_and_what_is_no_bundle_2(
         "",
         "rehyb: no.zip: No such file or directory\n",
     )
+
+
+@pytest.mark.parametrize(("yes", "submitted"), [((), 0), (("--yes",), 1)])
+def test_a_bundle_of_a_study_of_very_many_instances_is_asked_about(
+    yes: tuple[str, ...],
+    submitted: int,
+    run: Run,
+    coordinator: FinishedStudy,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A stranger's bundle said 99999999 rows, and its reproduction took half a thousand million."""
+    assert run("bundle", "s1", "--out", "s1.zip")[0] == 0
+    with zipfile.ZipFile("s1.zip") as honest, zipfile.ZipFile("many.zip", "w") as forged:
+        for name in honest.namelist():
+            content = honest.read(name).replace(b'"rows": 6', b'"rows": 99999999')
+            forged.writestr(name, content)
+    asked: list[object] = []
+    monkeypatch.setattr(
+        "rehyb.client.Client.submit",
+        lambda _, study: (asked.append(study), {**study, "id": "s2", "instances": 1})[1],
+    )
+    status, _, err = run("reproduce", "many.zip", *yes)
+    assert len(asked) == submitted
+    if not yes:
+        assert status == 2 and "499,999,995 instances" in err and "say --yes" in err
+    checked = run("reproduce", "many.zip", "--check", "--sample", "0")
+    assert checked[0] == 1 and "of 30 results (of 499,999,995 instances)" in checked[1]
