@@ -95,17 +95,21 @@ def answer(sample: Sample) -> dict[str, Any]:
         for name, told in of_samples.items()
         if any(None in (one["value"], one["low"]) for one in told.get("delta", {}).values())
     ]
+    few = {
+        name: on_few_rows(name, y[:, o], sample.factors, x) if len(x) else ""
+        for o, name in enumerate(sample.outputs)
+    }
     if len(x):
-        remarks += [
-            on_few_rows(name, y[:, o], sample.factors, x) for o, name in enumerate(sample.outputs)
-        ]
+        remarks += few.values()
         for o, name in enumerate(sample.outputs):
             remarks += doubts.itself(name, y[:, o], sample.factors, x)
     # Rows that share values of others, or lie evenly, are alike for that.
     if len(x) and rows.drawn and not any("rbd_fast" in names for names, _ in withheld):
         for o, name in enumerate(sample.outputs):
-            remarks += missed(name, y[:, o], sample.factors, x)
-            if not depending and not clusters:
+            waves = missed(name, y[:, o], sample.factors, x)
+            remarks += waves
+            # Where few rows make up the variance, or waves are named, the reason is known.
+            if not (depending or clusters or waves or few[name]):
                 remarks += doubts.apart(name, doubts.shares(of_samples[name]), LEVEL)
             remarks += rest_in_order(name, y[rows.order, o], sample.factors, x[rows.order])
     # A Saltelli design has total-order indices.

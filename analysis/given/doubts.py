@@ -154,8 +154,9 @@ def apart(output: str, told: Mapping[str, Any], level: float) -> list[str]:
             if abs(off) > max(beyond * half, SHARE_OF_VARIANCE):
                 said.append(
                     f"Do not trust the share of {factor} in {output}: it is {a['value']:.2f} by "
-                    f"{one} and {b['value']:.2f} by {two}, of the same rows. The output has more "
-                    "waves or jumps with it than both follow: what is told is too small."
+                    f"{one} and {b['value']:.2f} by {two}, of the same rows. Either the output "
+                    "changes with it more often than the one follows that tells less of it, or "
+                    "factors depend on each other."
                 )
     return said
 

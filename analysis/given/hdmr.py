@@ -3,7 +3,8 @@
 SALib's shares (`tests/unit/analysis/given` compares them) hold what splines fit by chance; ours are
 less that, by what each row is foretold without itself, so that noise may differ from row to row
 (Kline, Saggio and Solvsten 2020, Leave-out estimation of variance components, Econometrica 88).
-Pieces of a factor's range have as many rows each, so that none is fitted to a few far ones.
+Pieces of a factor's range have as many rows each, so that none is fitted to a few far ones. Where
+the output jumps beyond chance a step is added (`analysis.given.jumps`).
 """
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from analysis.given.intervals import Spread
+from analysis.given.jumps import jumps
 
 Array = NDArray[np.float64]
 
@@ -58,12 +60,15 @@ def leave_out(x: Array, y: Array) -> tuple[Array, Spread]:
     of freedom go by the fourth moment of what each row adds (Satterthwaite 1946).
     """
     rows, factors = x.shape
+    centred = y - y.mean()
+    whole = centred @ centred
     each_own = [_apart(splines(column, pieces(rows, factors))) for column in x.T]
+    basis = np.concatenate(each_own, axis=1)
+    rest = centred - basis @ (_solved(basis) @ centred)
+    each_own = [_with_steps(*one, rest, whole) for one in zip(each_own, x.T, strict=True)]
     ends = np.cumsum([one.shape[1] for one in each_own])
     basis = np.concatenate(each_own, axis=1)
     solved = _solved(basis)
-    centred = y - y.mean()
-    whole = centred @ centred
 
     def of_each(columns: Array) -> Array:
         """Return columns of all functions summed over those of each factor, (rows, factors)."""
@@ -122,6 +127,25 @@ def _solved(basis: Array) -> Array:
     told = together[:, variance > INDISTINCT]
     found: Array = (told / variance[variance > INDISTINCT]) @ (basis @ told).T
     return found
+
+
+def _with_steps(own: Array, column: Array, rest: Array, whole: float) -> Array:
+    """Return a factor's functions, (rows, functions), with steps where what is left jumps with it.
+
+    Args:
+        own: orthonormal functions of mean 0.
+        column: the factor, shape (rows,).
+        rest: what the functions of all factors leave of the output, shape (rows,).
+        whole: sum of squares of the output.
+    """
+    order = np.argsort(column, kind="stable")
+    mean = np.full((len(rest), 1), len(rest) ** -0.5)
+    basis = np.concatenate([mean, own[order]], axis=1)
+    found, _ = jumps(rest[order], basis, column[order], whole)
+    if not found:
+        return own
+    steps = column[:, None] >= column[order[found]]
+    return _apart(np.concatenate([own, steps], axis=1))
 
 
 def _apart(splines: Array) -> Array:

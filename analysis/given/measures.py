@@ -6,7 +6,7 @@ must be in no order that has to do with the factors: those with equal values sta
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from analysis.given.intervals import (
     by_score,
     half_width,
 )
+from analysis.given.jumps import jumps
 from analysis.given.pawn import SLICES, pawn
 
 Array = NDArray[np.float64]
@@ -37,14 +38,20 @@ FEW_VALUES = 2 * HARMONICS + 1
 def rbd_fast(x: Array, y: Array) -> Array:
     """Return first-order indices by random balance designs, with the bias taken off.
 
-    Tarantola, Gatelli and Mara 2006; for any sample Plischke 2010; bias Tissot and Prieur 2012. Of
-    factors of few values `class_means`: harmonics do not follow steps.
+    Tarantola, Gatelli and Mara 2006; for any sample Plischke 2010; bias Tissot and Prieur 2012.
+    Harmonics do not follow steps: of factors of few values `class_means`, and where the output
+    jumps beyond chance, what the jumps add to the harmonics.
     """
-    return rbd_fast_at(x)(y)
+    return rbd_fast_at(x, steps=True)(y)
 
 
-def rbd_fast_at(x: Array) -> Callable[[Array], Array]:
-    """Return `rbd_fast` of any output of these factors (Tarantola et al. 2006)."""
+def rbd_fast_at(x: Array, *, steps: bool = False) -> Callable[[Array], Array]:
+    """Return `rbd_fast` of any output of these factors (Tarantola et al. 2006).
+
+    Args:
+        x: shape (rows, factors).
+        steps: look for jumps, which an output that is permuted has not.
+    """
     from SALib.analyze.rbd_fast import permute_outputs, unskew_S1
     from scipy.signal import periodogram
 
@@ -61,9 +68,41 @@ def rbd_fast_at(x: Array) -> Callable[[Array], Array]:
             _, power = periodogram(y[np.stack(order)])
             raw = power[:, 1 : HARMONICS + 1].sum(axis=1) / power[:, 1:].sum(axis=1)
             found[~few] = unskew_S1(raw, HARMONICS, len(y))
+            if steps:
+                columns = x.T[~few]
+                found[~few] = [
+                    _with_steps(*one, y) for one in zip(found[~few], columns, strict=True)
+                ]
         return found
 
     return of_output
+
+
+def _with_steps(share: float, column: Array, y: Array) -> float:
+    """Return a share by harmonics with what jumps add to it (`analysis.given.jumps`)."""
+    order = np.argsort(column)
+    basis = harmonics(len(y))
+    centred = (y - y.mean())[order]
+    whole = float(centred @ centred)
+    found, left = jumps(centred - basis @ (basis.T @ centred), basis, column[order], whole)
+    if not found:
+        return share
+    # Each coefficient takes its part of what is left (Tissot and Prieur 2012).
+    free = len(y) - 2 * HARMONICS - len(found)
+    return 1.0 - float(left @ left) / whole * len(y) / free
+
+
+@cache
+def harmonics(rows: int) -> Array:
+    """Return what `rbd_fast` fits to rows in the order of a factor, which goes there and back.
+
+    (Tarantola et al. 2006; Plischke 2010.) Shape (rows, functions), orthonormal, the mean first.
+    """
+    row = np.arange(rows)
+    place = np.where(row % 2 == 0, row // 2, rows - 1 - row // 2)
+    angle = 2.0 * np.pi / rows * np.outer(place, np.arange(1, HARMONICS + 1))
+    found = [np.ones((rows, 1)), 2.0**0.5 * np.cos(angle), 2.0**0.5 * np.sin(angle)]
+    return np.asarray(np.concatenate(found, axis=1) * rows**-0.5)
 
 
 def class_means(classes: NDArray[np.intp], y: Array) -> float:
@@ -242,8 +281,8 @@ MEASURES = (
         needs_drawn=True,
         assumes="factors are independent of each other, points are drawn at random or as a Latin "
         "hypercube (of Sobol's points it is withheld), and the output changes with each of them "
-        f"no more often than {HARMONICS} harmonics follow, but with one of {FEW_VALUES} values or "
-        "fewer in any way; says nothing of interactions",
+        f"no more often than {HARMONICS} harmonics and as many jumps follow, but with one of "
+        f"{FEW_VALUES} values or fewer in any way; says nothing of interactions",
         source="Tarantola, Gatelli and Mara 2006; Plischke 2010; Tissot and Prieur 2012 (SALib)",
     ),
     Measure(
@@ -257,8 +296,9 @@ MEASURES = (
         biased=False,
         fewest_rows=fewest_rows,
         assumes="the output is a sum of a smooth function of each factor, splines of "
-        f"{PIECES} pieces or, of many rows, more, and of what is left to noise; factors may depend "
-        "on each other: what one shares with others counts for each; says nothing of interactions",
+        f"{PIECES} pieces or, of many rows, more, with a few jumps, and of what is left to noise; "
+        "factors may depend on each other: what one shares with others counts for each; says "
+        "nothing of interactions",
         source="Rabitz and Alis 1999; Li et al. 2010; Kline, Saggio and Solvsten 2020",
     ),
     Measure(
