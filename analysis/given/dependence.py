@@ -11,11 +11,13 @@ from scipy.stats import hypergeom, norm, rankdata
 
 from analysis.given.hdmr import INDISTINCT
 from analysis.given.hsic import hsic_of_pairs
+from analysis.sensitivity.judgement.screening import SHARE_OF_VARIANCE
 
 Array = NDArray[np.float64]
 
-#: Rank correlation from which the answer mentions it: beyond chance, and not small.
-_CORRELATED = 0.2
+#: Rank correlation from which the answer mentions it, beyond chance: of two factors of equal weight
+#: each tells half of it too much. Rows that are not independent correlate by chance, so twice.
+_CORRELATED = 2.0 * SHARE_OF_VARIANCE
 #: How likely one pair or more of a table is named if all its factors are independent: by ranks, and
 #: by HSIC as the gamma distribution has it. Its tail is too light; with this, set while looking at
 #: independent tables, it is rarer than 1 %.
@@ -64,7 +66,8 @@ def dependence(factors: Sequence[str], x: Array, *, drawn: bool = True) -> Depen
     said = []
     bent: list[tuple[int, int]] = []
     pairs = list(combinations(range(len(factors)), 2))
-    least = max(_CORRELATED, float(norm.isf(_BY_RANKS / 2.0 / len(pairs))) / np.sqrt(len(x)))
+    small = _CORRELATED if drawn else 2.0 * _CORRELATED
+    least = max(small, float(norm.isf(_BY_RANKS / 2.0 / len(pairs))) / np.sqrt(len(x)))
     rising = [p for p in pairs if abs(correlation[p]) >= least]
     if rising:
         rare = _rare(x)
