@@ -1,7 +1,7 @@
 """A study's results as the CSV file that the coordinator writes."""
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import nan
 from pathlib import Path
 
@@ -29,12 +29,15 @@ def read_table(plan: StudyPlan, path: Path) -> Table:
         wanted = {"row", "position", "outcome", *plan.factors, *plan.outputs}
         if missing := sorted(wanted - set(lines.fieldnames or ())):
             raise ValueError(f"{path} is no table of study {plan.id}: no {', '.join(missing)}")
-        for line in lines:
-            rows.append(int(line["row"]))
-            positions.append(int(line["position"]))
-            outcomes.append(line["outcome"])
-            points.append([float(line[name]) for name in plan.factors])
-            values.append([float(line[name] or nan) for name in plan.outputs])
+        try:
+            for line in lines:
+                rows.append(int(line["row"]))
+                positions.append(int(line["position"]))
+                outcomes.append(line["outcome"])
+                points.append([float(line[name]) for name in plan.factors])
+                values.append([float(line[name] or nan) for name in plan.outputs])
+        except (ValueError, TypeError):
+            raise ValueError(f"line {lines.line_num}: {_no_number(line, plan)}") from None
     return Table(
         plan=plan,
         rows=np.array(rows, dtype=np.int64),
@@ -43,3 +46,16 @@ def read_table(plan: StudyPlan, path: Path) -> Table:
         points=np.array(points, dtype=np.float64).reshape(-1, len(plan.factors)),
         values=np.array(values, dtype=np.float64).reshape(-1, len(plan.outputs)),
     )
+
+
+def _no_number(line: Mapping[str, str | None], plan: StudyPlan) -> str:
+    """Say which cell of a line is none of the numbers that belong there."""
+    read = {"row": int, "position": int, **dict.fromkeys(plan.factors, float)}
+    for name, kind in (read | dict.fromkeys(plan.outputs, float)).items():
+        text = line[name]
+        try:
+            kind(text if name in read else text or nan)  # type: ignore[arg-type]
+        except (ValueError, TypeError):
+            what = "whole number" if kind is int else "number"
+            return f"{name} must be a {what}, not {'missing' if text is None else repr(text[:60])}"
+    return "it cannot be read"

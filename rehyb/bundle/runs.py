@@ -102,7 +102,7 @@ def _judged(
     from server.logic.study.points import parameters, point
 
     sd = np.array([_spread(column) for column in table.values.T])
-    worst, where = 0.0, ""
+    worst, where, differing = 0.0, "", set[int]()
     for i in chosen:
         row, position = int(table.rows[i]), int(table.positions[i])
         name = f"row {row}, position {position}"
@@ -117,14 +117,16 @@ def _judged(
             off = float(abs(done.outputs[output] - table.values[i, o]) / sd[o])
             # What is no number is as far off as can be.
             off = off if isfinite(off) else inf
+            if off > tolerance:
+                differing.add(i)
             if off > worst:
                 worst, where = off, f"{output} of {name}"
     stated = f"{len(chosen)} of {len(table.outcomes):,} runs, computed again,"
     code = _code(bundle.manifest)
     if worst > tolerance:
         return False, (
-            f"{stated} differ by up to {worst:.2g} standard deviations ({where}), more than "
-            f"{tolerance:g}{code}"
+            f"of {stated} {len(differing):,} differ by up to {worst:.2g} standard deviations "
+            f"({where}), more than {tolerance:g}{code}"
         )
     how = "bit for bit" if worst == 0.0 else f"to {worst:.1g} standard deviations ({where})"
     return True, f"{stated} come out {how}{code}"

@@ -116,6 +116,11 @@ def a_number_that_is_none(members: Members) -> Members:
     return {**members, "results.csv": ("\n".join(lines) + "\n").encode()}
 
 
+def a_word(members: Members) -> Members:
+    forged = a_number_that_is_none(members)
+    return {**forged, "results.csv": forged["results.csv"].replace(b",nan,", b",hello,")}
+
+
 def an_index(members: Members) -> Members:
     indices = json.loads(members["indices.json"])
     indices["outputs"]["y"]["factors"]["x1"]["total_order"]["value"] *= 1.0 + 1e-12
@@ -137,6 +142,11 @@ def an_index(members: Members) -> Members:
         (replaced("results.csv", "\n0,0,", "\n0,1,"), {"design", "indices", "runs"}, "twice"),
         (replaced("results.csv", "\n0,0,", "\n99,0,"), {"design", "indices"}, "(99, 0) lies out"),
         (replaced("results.csv", "\n0,0,", "\nx,0,"), {"contents"}, "results.csv cannot be read"),
+        (
+            a_word,
+            {"contents"},
+            "cannot be read: line 3: y must be a number, not 'hello'",
+        ),
         (replaced("results.csv", "position", "place"), {"contents"}, "no table of study s1: no po"),
         (
             replaced("study.json", '"ishigami"', '"leg"'),
@@ -146,7 +156,11 @@ def an_index(members: Members) -> Members:
         (replaced("study.json", '"rows": 6', '"rows": 1e99'), {"contents"}, "no study that can be"),
         (replaced("study.json", '"name"', '"nom"'), {"contents"}, "it has no 'name'"),
         (replaced("study.json", '"seed": 5', '"seed": -5'), {"contents"}, "seed -5 is none"),
-        (a_number_that_is_none, {"indices", "runs"}, "differ by up to inf standard deviations"),
+        (
+            a_number_that_is_none,
+            {"indices", "runs"},
+            "of 29 of 30 runs, computed again, 1 differ by up to inf standard deviations",
+        ),
     ],
 )
 def test_a_forger_who_mends_the_hashes_is_found_all_the_same(
