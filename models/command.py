@@ -30,6 +30,8 @@ CHUNK = 65_536
 MEMORY_BYTES = 4 * 2**30
 #: Seconds between two looks at what a program and all that it started take together.
 LOOK_SECONDS = 0.25
+#: A whole number with so many digits is larger than any double.
+MOST_DIGITS = 400
 #: Seconds that a program gets to exit by itself once it has answered.
 GRACE_SECONDS = 2.0
 #: What a program must do that ends before it answers, and takes that for right.
@@ -154,7 +156,7 @@ class _Program:
             if code != 0:
                 raise ModelFailure("crashed", f"the program {_how(code)}{self._last_words()}")
         try:
-            return json.loads(line)
+            return json.loads(line, object_pairs_hook=_said_once, parse_int=_whole)
         except (ValueError, RecursionError):
             raise ModelFailure(
                 "bad_answer", f"the program printed {_shown(line)}, which is not one line of JSON"
@@ -341,6 +343,21 @@ def _outputs(answer: Any) -> Mapping[str, Any]:
         'the program must print {"outputs": {...}} or {"outcome": ..., "reason": ...}, not '
         + (f"an object of {', '.join(said)[:80]!r}" if said else "anything else"),
     )
+
+
+def _said_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of an answer; ModelFailure if it has a key twice, which REST refuses."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ModelFailure("bad_answer", f"the program answered with {twice[:60]!r} twice")
+    return found
+
+
+def _whole(digits: str) -> float:
+    """Return a whole number; Python reads none of thousands of digits, which are more than any."""
+    return int(digits) if len(digits) < MOST_DIGITS else float(digits)
 
 
 def _shown(line: bytes) -> str:

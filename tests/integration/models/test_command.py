@@ -37,6 +37,16 @@ TROUBLES = {
     ),
     "forgets": ("""print('{"outputs": {}}')""", "bad_answer", "output y is missing"),
     "invents": ("""print('{"outputs": {"y": 1, "z": 2}}')""", "bad_answer", "'z' is not in"),
+    "stammers": (
+        """print('{"outputs": {"y": 1, "y": 2}}')""",
+        "bad_answer",
+        "the program answered with 'y' twice",
+    ),
+    "counts": (
+        """print('{"outputs": {"y": ' + '9' * 5000 + '}}')""",
+        "not_finite",
+        "y came out as",
+    ),
     "worries": ("""print('{"outputs": {"y": NaN}}')""", "not_finite", "y came out as nan"),
     "writes": ("""print('{"outputs": {"y": "1"}}')""", "bad_answer", "must be a number"),
 }
