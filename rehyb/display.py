@@ -75,11 +75,13 @@ def progress_in_words(progress: Mapping[str, Any]) -> str:
     missing = progress.get("waits_for")
     waits = f"waits for a worker with {missing}, " if missing else ""
     said = (progress.get("why_it_waits"), left_in_words(progress))
+    # Who has nothing more to do is heard of no more.
+    at_work = f"{progress['workers']} workers, " if done < progress["instances"] else ""
     why = "".join(f"; {sentence}" for sentence in said if sentence)
     return (
         f"{waits}{done}/{progress['instances']} results, "
         f"{progress['rows_complete']}/{progress['rows']} rows, {rate:.1f}/s, "
-        f"ETA {eta}, {progress['workers']} workers, "
+        f"ETA {eta}, {at_work}"
         f"failures: {failures_in_words(progress['failures'])}{why}"
     )
 

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 from sqlalchemy.exc import SQLAlchemyError
@@ -14,7 +15,7 @@ from server.logic.fleet.unserved import why_it_waits
 from server.operations import watching
 from server.operations.fleet import comparisons
 from server.operations.study import studies
-from server.records import Study
+from server.records import Study, Worker
 from server.threads import in_thread
 from server.web.page import Look, Page
 
@@ -66,7 +67,7 @@ def look(asked: Look) -> dict[str, Any]:
         {"study": study, "why": why}
         for study in studies.every(asked.engine)
         if study.state.is_served and study.pending
-        if (why := why_it_waits(study, alive) or _why_its_rows_wait(asked, study)) is not None
+        if (why := _why_it_waits(asked, study, alive)) is not None
     ]
     return {
         "rows": rows,
@@ -79,8 +80,10 @@ def look(asked: Look) -> dict[str, Any]:
     }
 
 
-def _why_its_rows_wait(asked: Look, study: Study) -> str | None:
-    return studies.why_rows_wait(asked.engine, study, asked.now, asked.state.patience)
+def _why_it_waits(asked: Look, study: Study, alive: Sequence[Worker]) -> str | None:
+    patience = asked.state.patience
+    why = why_it_waits(study, alive, asked.now - patience.since)
+    return why or studies.why_rows_wait(asked.engine, study, asked.now, patience)
 
 
 PAGE = Page(path="/fleet", template="fleet.html", look=look, choices=("all",))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 
 from server.logic.fleet.hosts import GONE_SECONDS, classes, objection_to_worker
 from server.records import Study, Worker
@@ -13,14 +14,15 @@ MOST_KINDS = 3
 MOST_REFUSALS = 3
 
 
-def why_it_waits(study: Study, alive: Sequence[Worker]) -> str | None:
+def why_it_waits(study: Study, alive: Sequence[Worker], listening: float = inf) -> str | None:
     """Return why no worker may have any of a study; None if one may.
 
     Args:
         alive: the workers that were heard from lately.
+        listening: seconds since the coordinator began, before which nobody could be heard.
     """
     if not alive:
-        return "no worker was heard from lately"
+        return f"no worker was heard from {'yet' if listening < GONE_SECONDS else 'lately'}"
     model = study.plan.model
     able = [worker for worker in alive if "@" not in model or model in worker.models]
     if not able:

@@ -165,7 +165,8 @@ def _why_it_waits(
     alive = workers.heard(connection, after=now - GONE_SECONDS, most=MOST_ASKED)
     if missing is not None:
         return why_refused(missing, alive)
-    return why_it_waits(study, alive) or _why_its_rows_wait(connection, study, now, patience)
+    why = why_it_waits(study, alive, now - patience.since)
+    return why or _why_its_rows_wait(connection, study, now, patience)
 
 
 def _why_its_rows_wait(

@@ -89,6 +89,11 @@ def test_progress_is_one_line_with_counts_rate_remaining_time_and_failures() -> 
     )
 
 
+def test_when_all_is_done_nobody_is_counted_who_left() -> None:
+    done = {**PROGRESS, "ok": 70, "failed": 0, "workers": 0, "failures": {}}
+    assert "workers" not in progress_in_words(done)
+
+
 def test_a_line_of_progress_ends_with_why_nobody_works_on_it() -> None:
     waiting = {**PROGRESS, "why_it_waits": "no worker was heard from lately"}
     assert progress_in_words(waiting) == (

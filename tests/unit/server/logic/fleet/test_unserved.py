@@ -24,6 +24,7 @@ def study(**changes: Any) -> Study:
 
 def test_nobody_is_there() -> None:
     assert why_it_waits(study(), []) == "no worker was heard from lately"
+    assert why_it_waits(study(), [], listening=3.0) == "no worker was heard from yet"
 
 
 def test_one_who_may_is_enough() -> None:
