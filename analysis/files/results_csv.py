@@ -4,6 +4,7 @@ import csv
 from collections.abc import Iterable, Mapping
 from math import nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,13 +49,13 @@ def read_table(plan: StudyPlan, path: Path) -> Table:
     )
 
 
-def _no_number(line: Mapping[str, str | None], plan: StudyPlan) -> str:
+def _no_number(line: Mapping[str, Any], plan: StudyPlan) -> str:
     """Say which cell of a line is none of the numbers that belong there."""
     read = {"row": int, "position": int, **dict.fromkeys(plan.factors, float)}
     for name, kind in (read | dict.fromkeys(plan.outputs, float)).items():
         text = line[name]
         try:
-            kind(text if name in read else text or nan)  # type: ignore[arg-type]
+            kind(text if name in read else text or nan)
         except (ValueError, TypeError):
             what = "whole number" if kind is int else "number"
             return f"{name} must be a {what}, not {'missing' if text is None else repr(text[:60])}"
