@@ -1,5 +1,7 @@
 """Models of kind `umbridge`: a server elsewhere evaluates, a model's folder says what it maps."""
 
+import json
+import time
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from typing import Any, TypeGuard
@@ -17,8 +19,16 @@ ASK_SECONDS = 30.0
 CONNECT_SECONDS = 5.0
 #: ... for one that only asks whether it is there again.
 AWAY_SECONDS = 1.0
+#: Characters of the names of a server's models that are shown.
+MOST_NAMES = 500
+#: Of an answer: what a program may print, too.
+MAX_ANSWER_BYTES = 5_000_000
 #: What says that nothing is there: a port that refuses, or a machine that is off.
 _NO_CONNECTION = (httpx2.ConnectError, httpx2.ConnectTimeout)
+
+
+class _TooLongError(ValueError):
+    """An answer is longer than any."""
 
 
 class ServerAwayError(ModelError):
@@ -74,7 +84,7 @@ class Server:
         if "protocolVersion" not in info:
             raise self._wrong("is no UM-Bridge server: it tells no protocolVersion")
         if info["protocolVersion"] != PROTOCOL:
-            raise self._wrong(f"speaks version {info['protocolVersion']}, not {PROTOCOL}")
+            raise self._wrong(f"speaks version {str(info['protocolVersion'])[:40]}, not {PROTOCOL}")
         models = info.get("models") or []
         if not isinstance(models, list) or not all(isinstance(name, str) for name in models):
             raise self._wrong("does not tell the names of its models")
@@ -112,18 +122,18 @@ class Server:
         connect = CONNECT_SECONDS if seconds is None else min(CONNECT_SECONDS, 0.5 * seconds)
         patience = httpx2.Timeout(seconds, connect=connect)
         try:
-            answer = self._http.post(f"{self.url}/Evaluate", json=asked, timeout=patience)
-            said = answer.json()
+            status, content = self._exchange("POST", "Evaluate", asked, patience, seconds)
+            said = json.loads(content)
         except _NO_CONNECTION as error:
             raise ModelAway(f"{self.url}: {error}") from None
         except httpx2.TimeoutException:
             raise ModelFailure("timed_out", f"{self.url} gave no answer in time") from None
         except httpx2.HTTPError as error:
             raise ModelFailure("crashed", f"{self.url}: {error}") from None
-        except ValueError:
-            raise ModelFailure(
-                "bad_answer", f"{self.url} answered {answer.status_code} without JSON"
-            ) from None
+        except _TooLongError as error:
+            raise ModelFailure("bad_answer", f"{self.url}: {error}") from None
+        except (ValueError, RecursionError):
+            raise ModelFailure("bad_answer", f"{self.url} answered {status} without JSON") from None
         if not isinstance(said, dict) or "output" not in said or "error" in said:
             why = said.get("error", said) if isinstance(said, dict) else said
             message = why.get("message", why) if isinstance(why, dict) else why
@@ -134,12 +144,38 @@ class Server:
         """Close the connection."""
         self._http.close()
 
+    def _exchange(
+        self,
+        method: str,
+        path: str,
+        body: Any,
+        patience: float | httpx2.Timeout,
+        seconds: float | None,
+    ) -> tuple[int, bytes]:
+        """Return status and body of an answer that ends within `seconds` (None: some time).
+
+        Raises:
+            httpx2.TimeoutException: it dribbles on, each part within `patience`.
+            _TooLongError: it is no answer any more, but a flood.
+        """
+        begun, content = time.monotonic(), b""
+        url = f"{self.url}/{path}"
+        with self._http.stream(method, url, json=body, timeout=patience) as answer:
+            for part in answer.iter_bytes():
+                content += part
+                if len(content) > MAX_ANSWER_BYTES:
+                    raise _TooLongError(f"it answered more than {MAX_ANSWER_BYTES // 10**6} MB")
+                if seconds is not None and time.monotonic() - begun > seconds:
+                    raise httpx2.ReadTimeout(f"it went on for more than {seconds:g} s")
+        return answer.status_code, content
+
     def _asked(self, method: str, path: str, body: Any = None) -> dict[str, Any]:
         try:
-            said = self._http.request(method, f"{self.url}/{path}", json=body).json()
+            _, content = self._exchange(method, path, body, ASK_SECONDS, ASK_SECONDS)
+            said = json.loads(content)
         except _NO_CONNECTION as error:
             raise ServerAwayError(f"no UM-Bridge server answers: {error}", file=self.url) from None
-        except (httpx2.HTTPError, httpx2.InvalidURL, ValueError) as error:
+        except (httpx2.HTTPError, httpx2.InvalidURL, ValueError, RecursionError) as error:
             raise self._wrong(f"is no UM-Bridge server: {error}") from None
         if not isinstance(said, dict):
             raise self._wrong("is no UM-Bridge server")
@@ -161,9 +197,8 @@ class RemoteModel:
         self._config = folder.run.get("config", {})
         self._description, self._server = folder.description, server
         if self._name not in server.models:
-            raise ModelError(
-                f"umbridge.name is {self._name!r}, and {server.url} has {', '.join(server.models)}"
-            )
+            named = ", ".join(server.models)[:MOST_NAMES]
+            raise ModelError(f"umbridge.name is {self._name!r}, and {server.url} has {named}")
         if not server.evaluates(self._name):
             raise ModelError(f"{self._name} of {server.url} supports no evaluation")
         self._inputs, self._outputs = server.sizes(self._name, self._config)
@@ -208,4 +243,4 @@ class RemoteModel:
 
 
 def _are_sizes(said: Any) -> TypeGuard[list[int]]:
-    return isinstance(said, list) and all(isinstance(size, int) for size in said)
+    return isinstance(said, list) and all(type(size) is int and size >= 0 for size in said)

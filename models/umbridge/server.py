@@ -1,6 +1,7 @@
 """Serve models to everybody who samples with an UM-Bridge client."""
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from http import HTTPStatus
@@ -131,7 +132,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _body(self) -> Mapping[str, Any]:
         length = self.headers.get("Content-Length", "")
-        if not length.isdigit() or int(length) > MAX_BODY_BYTES:
+        # Python reads no number of thousands of digits.
+        if not re.fullmatch("[0-9]{1,12}", length) or int(length) > MAX_BODY_BYTES:
             raise _RefusedError(
                 "InvalidInput", f"the body must have at most {MAX_BODY_BYTES} bytes"
             )

@@ -1,8 +1,10 @@
 """Our client finds its way with a server that speaks UM-Bridge, and our server answers as one."""
 
 import json
+import socket
 import threading
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +63,7 @@ def test_a_server_that_is_gone_says_nothing_of_a_point(
     def refused(*_: Any, **__: Any) -> None:
         raise kind("nobody there")
 
-    monkeypatch.setattr(httpx2.Client, "request", refused)
-    monkeypatch.setattr(httpx2.Client, "post", refused)
+    monkeypatch.setattr(httpx2.Client, "stream", refused)
     with pytest.raises(ModelAway, match=f"{url}: nobody there"):
         remote({"x1": 0.3})
     with pytest.raises(ServerAwayError, match="no UM-Bridge server answers"):
@@ -112,9 +113,63 @@ def test_what_a_server_tells_of_itself_must_make_sense(
     info: dict[str, Any], words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answer = httpx2.Response(200, json=info)
-    monkeypatch.setattr(httpx2.Client, "request", lambda *_, **__: answer)
+    monkeypatch.setattr(httpx2.Client, "stream", lambda *_, **__: nullcontext(answer))
     with pytest.raises(ModelError, match=words):
         Server("http://h")
+
+
+LIES = {
+    "negative": ({"inputSizes": [-1, 4]}, ModelError, "does not say how long the vectors of"),
+    "true": ({"outputSizes": [True]}, ModelError, "does not say how long the vectors of"),
+    "deep": ({"output": "[" * 100_000}, ModelFailure, "answered 200 without JSON"),
+    "digits": ({"output": "[[" + "9" * 400 + "]]"}, ModelFailure, "must be a number"),
+    "nothing": ({"output": "[[null]]"}, ModelFailure, "must be a number"),
+    "flood": ({"output": " " * 6_000_000}, ModelFailure, "answered more than 5 MB"),
+}
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_server_that_lies_is_told_so(
+    lie: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said, kind, words = LIES[lie]
+    honest = {"protocolVersion": 1.0, "models": ["ishigami"], "support": {"Evaluate": True}}
+    honest |= {"inputSizes": [3], "outputSizes": [1], "output": "[[1.0]]"}
+    told: dict[str, Any] = honest | said
+    output = told.pop("output")
+
+    def stream(_: object, method: str, url: str, **__: Any) -> Any:
+        body = f'{{"output": {output}}}' if url.endswith("Evaluate") else json.dumps(told)
+        return nullcontext(httpx2.Response(200, content=body.encode()))
+
+    monkeypatch.setattr(httpx2.Client, "stream", stream)
+    with pytest.raises(kind, match=words):
+        folder = read_folder(edited("ishigami_python", tmp_path, TO_UMBRIDGE))
+        RemoteModel(folder, Server("http://h"))({"x1": 0.3})
+
+
+def test_a_server_that_dribbles_is_left_when_time_is_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def dribble() -> Iterator[bytes]:
+        while True:
+            yield b" "
+
+    answer = httpx2.Response(200, content=dribble())
+    monkeypatch.setattr(httpx2.Client, "stream", lambda *_, **__: nullcontext(answer))
+    server = object.__new__(Server)
+    server.url, server._http = "http://h", httpx2.Client()
+    with pytest.raises(ModelFailure, match="gave no answer in time"):
+        server.evaluate("ishigami", [[0.3]], {}, 0.05)
+
+
+@pytest.mark.parametrize("length", ["\xb2", "9" * 5000, "-1", ""])
+def test_a_length_that_is_none_is_refused(length: str, url: str) -> None:
+    host, _, port = url.removeprefix("http://").partition(":")
+    with socket.create_connection((host, int(port)), 5.0) as connection:
+        head = f"POST /Evaluate HTTP/1.1\r\nHost: h\r\nContent-Length: {length}\r\n\r\n"
+        connection.sendall(head.encode("latin-1"))
+        assert b" 400 " in connection.recv(4096)
 
 
 def asked(url: str, path: str, **body: Any) -> tuple[int, dict[str, Any]]:
