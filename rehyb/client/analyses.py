@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rehyb.client.connection import Connection, Json, as_path, path_of
+from rehyb.client.connection import Connection, Json, as_path, for_reading, path_of
 
 
 class Analyses(Connection):
@@ -27,7 +27,7 @@ class Analyses(Connection):
         """
         path = as_path(table)
         params = {"name": path.name, "output": list(outputs), "factor": list(factors or ())}
-        with path.open("rb") as file:
+        with for_reading(path) as file:
             return self._post("/v1/analyses", content=file, params=params)
 
     def analyse_study(self, study_id: str, outputs: Sequence[str] = ()) -> Json:

@@ -7,11 +7,12 @@ import re
 import ssl
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import lru_cache
 from http import HTTPStatus
 from math import inf
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 import httpx2
 
@@ -26,6 +27,7 @@ from rehyb.client.wire import (
     speaks_tls,
 )
 from rehyb.errors import (
+    WRONG_PATHS,
     Invalid,
     NotFound,
     RehybError,
@@ -237,6 +239,7 @@ class Connection:
         file_at = as_path(target)
         try:
             with (
+                paths_refused(),
                 self._http.stream("GET", path, timeout=self._patience(self._timeout)) as response,
                 whole_file(file_at) as partial,
                 partial.open("wb") as file,
@@ -304,6 +307,22 @@ def as_path(path: Path | str) -> Path:
     except TypeError:
         kind = type(path).__name__
         raise Invalid(f"a path is a text or a pathlib.Path, not {kind}") from None
+
+
+@contextmanager
+def for_reading(path: Path | str) -> Iterator[BinaryIO]:
+    """Open a file that somebody named; Invalid if there is none to be read."""
+    with paths_refused(), as_path(path).open("rb") as file:
+        yield file
+
+
+@contextmanager
+def paths_refused() -> Iterator[None]:
+    """Within the block, a path that is not there, or not what is taken, is Invalid."""
+    try:
+        yield
+    except WRONG_PATHS as error:
+        raise Invalid(f"{error.filename}: {error.strerror}") from error
 
 
 def path_of(place: str, its_id: str, *below: object) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from models.description import Description
-from rehyb.client.connection import Connection, Json, as_path, path_of
+from rehyb.client.connection import Connection, Json, for_reading, path_of
 
 #: What a coordinator tells of a model beside its description.
 _BESIDE = ("own", "announced_by", "announced_at")
@@ -36,7 +36,7 @@ class Models(Connection):
             Invalid: it cannot be used; the message names the file and what is wrong.
         """
         headers = {"Content-Type": "application/zip"}
-        with as_path(archive).open("rb") as file:
+        with for_reading(archive) as file:
             return self._post("/v1/models", content=file, params={}, headers=headers)
 
     def announce_model(self, description: Mapping[str, Any], worker: str = "") -> Json:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from rehyb.client.connection import Connection, Json, as_path, path_of
+from rehyb.client.connection import Connection, Json, as_path, for_reading, path_of
 
 
 class Sessions(Connection):
@@ -22,7 +22,7 @@ class Sessions(Connection):
         headers = {"Content-Type": "application/zip"}
         path = as_path(archive)
         params = {"name": name or path.stem}
-        with path.open("rb") as file:
+        with for_reading(path) as file:
             return self._post("/v1/sessions", content=file, params=params, headers=headers)
 
     def sessions(self) -> list[Json]:

@@ -257,3 +257,17 @@ def test_a_long_body_is_sent_compressed_and_a_short_one_as_it_is() -> None:
         verdicts = client(answer).post_results(lease="l", fence=1, worker="w", results=results)
         assert [v["instance"] for v in verdicts] == [str(i) for i in range(count)]
     assert encodings == [None, "gzip"]
+
+
+def test_a_path_that_is_not_there_is_one_error_of_ours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    asking = client(always(200, json={}))
+    for ask in (asking.upload_session, asking.add_model, asking.analyse):
+        with pytest.raises(Invalid, match=r"nothere\.zip: No such file or directory"):
+            ask("nothere.zip")
+        with pytest.raises(Invalid, match=r"\.: Is a directory"):
+            ask(".")
+    with pytest.raises(Invalid, match=r"nowhere/r\.csv: No such file or directory"):
+        asking.results_csv("s1", "nowhere/r.csv")
