@@ -274,8 +274,13 @@ def _kept_token(path: Path) -> str:
     except FileExistsError:
         return usable(path.read_text())
     token = secrets.token_urlsafe(24)
-    with os.fdopen(descriptor, "w") as file:
-        file.write(token + "\n")
+    try:
+        with os.fdopen(descriptor, "w") as file:
+            file.write(token + "\n")
+    except OSError as error:
+        # Half of one on a full disk would be kept as the whole.
+        path.unlink()
+        raise OSError(error.errno, os.strerror(error.errno or 0), str(path)) from error
     return token
 
 

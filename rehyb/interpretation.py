@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rehyb.errors import check_pictures, refusing
+from rehyb.whole_files import whole_file
 
 
 def bank_file(chosen: Path | None = None) -> Path:
@@ -64,5 +65,6 @@ def interpret_recording(
         if measured and found["familiar"]:
             alone = interpret(learnt, Question(recording=question.recording))
             before = alone["half_width"]
-        write_page(report, found, before)
+        with whole_file(report) as partial:
+            write_page(partial, found, before)
     return found

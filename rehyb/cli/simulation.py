@@ -14,6 +14,7 @@ from rehyb.cli.answers import Answer, answering
 from rehyb.cli.options import assignments, factor_value, number, optional, read_json
 from rehyb.errors import RehybError, check_pictures
 from rehyb.own_files import check_own
+from rehyb.whole_files import whole_file
 
 if TYPE_CHECKING:
     from models.factors import Factor
@@ -201,7 +202,8 @@ def _written(
             print("there is nothing to save or to draw: no motion was recorded", file=sys.stderr)
         record = plot = None
     if assessment.record is not None and record is not None:
-        assessment.record.save(record)
+        with whole_file(record) as fresh:
+            assessment.record.save(fresh)
     if plot is not None:
         from sim.pictures.figures import assessment_figure
 

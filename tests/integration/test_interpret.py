@@ -3,6 +3,7 @@
 import json
 import shutil
 import tempfile
+from errno import ENOSPC
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +71,27 @@ def test_a_recording_is_interpreted_and_reported(bank: Path, tmp_path: Path) -> 
     lines = RUNNER.invoke(app, list(asked)).stdout
     assert "90 %:" in lines
     assert "all this whatever the limb's muscles are; if they are one of the bank's sets:" in lines
+
+
+def test_a_full_disk_leaves_no_half_of_a_record_or_page(
+    bank: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def half(*given: Any) -> None:
+        next(one for one in given if isinstance(one, Path)).write_bytes(b"half")
+        raise OSError(ENOSPC, "No space left on device")
+
+    record, page = str(tmp_path / "a.npz"), str(tmp_path / "a.html")
+    simulate = ["assess", "--fidelity", "bushing", "--record", record]
+    with monkeypatch.context() as full:
+        full.setattr("sim.assessment.record.Record.save", half)
+        lost = RUNNER.invoke(app, simulate)
+        assert isinstance(lost.exception, OSError) and record in str(lost.exception)
+    assert list(tmp_path.iterdir()) == []
+    assert RUNNER.invoke(app, simulate).exit_code == 0
+    monkeypatch.setattr("analysis.interpretation.page.write_page", half)
+    lost = RUNNER.invoke(app, ["interpret", record, "--bank", str(bank), "--out", page])
+    assert isinstance(lost.exception, OSError) and page in str(lost.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
 def test_a_bank_whose_extension_is_interrupted_stays_as_it_was(

@@ -17,6 +17,16 @@ def test_a_token_is_made_once_and_is_for_its_owner_only(tmp_path: Path) -> None:
     assert LocalFleet(tmp_path, workers=1).token == first.token
 
 
+def test_no_half_of_a_token_is_kept_on_a_full_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as full:
+        full.setattr("os.fdopen", lambda *_: open("/dev/full", "w"))  # noqa: PTH123, SIM115
+        with pytest.raises(OSError, match=f"No space left on device: '{tmp_path}/token'"):
+            LocalFleet(tmp_path, workers=1)
+    assert LocalFleet(tmp_path, workers=1).token
+
+
 def test_a_given_token_is_used_and_not_written_down(tmp_path: Path) -> None:
     assert LocalFleet(tmp_path, workers=1, token="given").token == "given"
     assert list(tmp_path.iterdir()) == []
