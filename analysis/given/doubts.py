@@ -37,12 +37,16 @@ def beyond_the_whole(output: str, told: Mapping[str, Any], level: float) -> list
     """
     said = []
     for name, index in told.items():
-        least = sum(max(one["low"] or 0.0, 0.0) for one in index.values())
+        # Of many factors that do nothing half have a lower end above 0.
+        beyond = _times(len(index), level)
+        known = [one for one in index.values() if one["low"] is not None]
+        least = sum(one["low"] for one in known if one["value"] > beyond * _half(one, -1.0))
         if least > CLEARLY_ABOVE_ONE:
             said.append(
                 f"Do not trust {name} of {output}: the lower ends of its {level:.0%} intervals sum "
-                f"to {least:.2f}, and shares of independent factors truly to no more than 1. Look "
-                "whether outputs stand beside the points that they are of."
+                f"to {least:.2f}, and shares of independent factors truly to no more than 1. "
+                "Either factors depend on each other, or outputs do not stand beside the points "
+                "that they are of."
             )
     return said
 
