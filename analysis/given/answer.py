@@ -183,7 +183,8 @@ def _few_rows(rows: int, design: layout.Layout | None) -> str:
 def _few_values(x: Array, factors: Sequence[str]) -> list[str]:
     """Return the remark on factors that look like levels, if there are any."""
     levels = {name: len(np.unique(x[:, f])) for f, name in enumerate(factors)}
-    few = [f"{name} ({count})" for name, count in levels.items() if 0 < count <= 10]
+    # Of two no order means anything.
+    few = [f"{name} ({count})" for name, count in levels.items() if 2 < count <= 10]
     if not few:
         return []
     return [f"Factors of few values, whose order is taken to mean something: {', '.join(few)}."]

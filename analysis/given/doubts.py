@@ -85,6 +85,8 @@ def out_of_range(output: str, told: Mapping[str, Any], level: float) -> list[str
 def itself(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]:
     """Say which factor is the output but for its unit and what rounding does, as nothing else is.
 
+    Or a function of it that only rises or falls: then no row is out of order.
+
     Args:
         output, factors: names.
         y: shape (rows,).
@@ -93,12 +95,23 @@ def itself(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]
     if len(factors) < 2 or np.ptp(y) == 0.0:
         return []
     varies = np.flatnonzero(np.ptp(x, axis=0) > 0.0).tolist()
-    same = [factors[f] for f in varies if 1.0 - abs(np.corrcoef(x[:, f], y)[0, 1]) < _SAME]
-    return [
-        f"{output} is a straight line of {name}, to three digits of what it varies by or more. If "
-        "that is the output again, in another unit, leave it out: name the factors (--factor)."
-        for name in same
-    ]
+    found, order = [], np.argsort(y, kind="stable")
+    apart = len(np.unique(y)) == len(y)
+    for f in varies:
+        steps = np.diff(x[order, f])
+        if 1.0 - abs(np.corrcoef(x[:, f], y)[0, 1]) < _SAME:
+            found.append(
+                f"{output} is a straight line of {factors[f]}, to three digits of what it varies "
+                "by or more. If that is the output again, in another unit, leave it out: name the "
+                "factors (--factor)."
+            )
+        elif apart and (np.all(steps > 0.0) or np.all(steps < 0.0)):
+            found.append(
+                f"{output} {'rises' if steps[0] > 0.0 else 'falls'} with {factors[f]} from row to "
+                "row without one exception, whatever other factors do. If that is the output "
+                "again, as its logarithm is, leave it out: name the factors (--factor)."
+            )
+    return found
 
 
 def two_answers(

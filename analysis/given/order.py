@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest, norm, rankdata
+from scipy.stats import binomtest, f_oneway, norm, rankdata
 
 from analysis.given.left_over import alike, by_themselves
 from analysis.given.measures import standard
@@ -29,6 +29,8 @@ _IN_ORDER = 0.85
 #: How likely one factor or more of a table drawn independently seems to follow a little, so that
 #: what is left of the output may follow for that.
 _A_LITTLE = 0.01
+#: After how many rows something may come back, and how many times over it has to be seen.
+_TURNS, _ROWS_A_TURN = range(2, 13), 8
 #: Rows of which what is left is looked at, the first of a table.
 _MOST_ROWS = 2000
 #: Factors that are shown.
@@ -119,7 +121,7 @@ def rest_in_order(output: str, y: Array, factors: Sequence[str], x: Array) -> li
     left = y - by_themselves(x, y).sum(axis=1)
     row = np.arange(len(left))
     if alike(left, row[1:], row[:-1]).errors < norm.isf(_BY_CHANCE):
-        return []
+        return _by_turns(output, left, x)
     correlation = float(left[1:] @ left[:-1]) / float(left @ left)
     return [
         f"What the factors leave of {output} goes on from row to row (correlation with the row "
@@ -127,6 +129,39 @@ def rest_in_order(output: str, y: Array, factors: Sequence[str], x: Array) -> li
         "are not independent, and intervals may be too narrow. If the table tells what changed, "
         "such as a batch or the time, give it as a factor."
     ]
+
+
+def _by_turns(output: str, left: Array, x: Array) -> list[str]:
+    """Say so if what factors leave of an output comes back every so many rows (Fisher's F).
+
+    As where machines take turns. Nothing where a factor does, as loops make it: what it does beside
+    others comes back, too.
+
+    Args:
+        output: its name.
+        left: what the factors leave of it, shape (rows,), in the file's order.
+        x: shape (rows, factors).
+    """
+    periods = [every for every in _TURNS if len(left) >= _ROWS_A_TURN * every]
+    chances = [_chance_by_turns(left, every) for every in periods]
+    if not periods or min(chances) * len(periods) > _BY_CHANCE:
+        return []
+    every = periods[int(np.argmin(chances))]
+    ranks = [rankdata(column) for column in x.T if np.ptp(column) > 0.0]
+    if any(_chance_by_turns(rank, every) * len(ranks) < _A_LITTLE for rank in ranks):
+        return []
+    means = np.array([left[turn::every].mean() for turn in range(every)])
+    share = float(np.mean(means**2) / np.mean(left**2))
+    return [
+        f"What the factors leave of {output} comes back every {every} rows ({share:.0%} of it), as "
+        "where as many machines or settings take turns. If the table tells which is a row's, give "
+        "it as a factor."
+    ]
+
+
+def _chance_by_turns(signal: Array, every: int) -> float:
+    """Return how likely the means of rows that are so far apart differ as much by chance."""
+    return float(f_oneway(*(signal[turn::every] for turn in range(every))).pvalue)
 
 
 def _with_the_row_before(column: Array) -> float:

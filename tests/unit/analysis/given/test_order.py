@@ -107,6 +107,25 @@ def test_outputs_that_hang_together_from_row_to_row_are_named(moved: Any) -> Non
         assert rest_in_order("y", y[mixed], "abc", x[mixed]) == []
 
 
+@pytest.mark.parametrize("every", [2, 5])
+def test_machines_that_take_turns_are_named(every: int) -> None:
+    """Of an offset on every second row, three quarters of the variance, nothing was said."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        x = rng.random((400, 3))
+        y = x @ [3.0, 2.0, 1.0] + np.resize(1.5 * np.arange(every), 400)
+        (said,) = rest_in_order("y", y, "abc", x)
+        assert f"comes back every {every} rows" in said or "from row to row" in said
+        mixed = rng.permutation(400)
+        assert rest_in_order("y", y[mixed], "abc", x[mixed]) == []
+
+
+def test_interactions_in_a_table_of_loops_are_no_turns() -> None:
+    rng = np.random.default_rng(4)
+    x = np.column_stack([rng.random(400), np.resize([0.0, 0.5, 1.0], 400)])
+    assert rest_in_order("y", x[:, 0] * x[:, 1] ** 8, "ab", x) == []
+
+
 def test_sorted_tables_and_what_is_constant_hang_together_for_no_such_reason() -> None:
     rng = np.random.default_rng(3)
     x = rng.random((300, 2))
