@@ -185,9 +185,10 @@ def _turned_positions(
 ) -> tuple[tuple[str, str], float] | None:
     """Return a joint whose position is counted the other way round; args as above.
 
-    Its effort may be, too: of either way what leaves less. A counterweight turns only gravity.
+    Its effort may be, too: of either way what leaves less. A counterweight turns only gravity, and
+    a spring may do what a limb that nobody declared does.
     """
-    own = {joint.number: joint.left(joint.effort) for joint in joints}
+    own = {joint.number: joint.left(joint.effort, sprung=True) for joint in joints}
     if max(own.values(), default=0.0) <= LITTLE:
         return None
     most = min(most, BALANCED * sum(joint.left(joint.effort, balanced=True) for joint in joints))
@@ -199,9 +200,9 @@ def _turned_positions(
         sign[turned.number] = -1.0
         left, also = {}, False
         for joint in _moved(scaled(recording, sign)):
-            left[joint.number] = joint.left(joint.effort)
+            left[joint.number] = joint.left(joint.effort, sprung=True)
             if joint.number == turned.number:
-                other = joint.left(-joint.effort)
+                other = joint.left(-joint.effort, sprung=True)
                 also = other < left[joint.number]
                 left[joint.number] = min(other, left[joint.number])
         if _better(own, left) and sum(left.values()) < most:

@@ -323,8 +323,7 @@ def refined(
 ) -> tuple[Model, Score]:
     """Refine the non-linear parameters on all fit rows, within what they can physically be.
 
-    Those that a limb's spring may have besides are for one that is taken: with all of them it does
-    what a load does, too.
+    What else a limb's spring may have is for one that is taken: with all it does what loads do.
     """
     candidate, model, current = option.candidate, option.model, option.score
     own = next((term for term in model.terms if term.candidate == candidate), None)

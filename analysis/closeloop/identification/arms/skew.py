@@ -60,7 +60,7 @@ def synchronised(recording: Recording) -> tuple[Recording, str]:
     return later(recording, time), _said(time, "at all joints alike")
 
 
-def synchronised_limb(found: Trace) -> tuple[Recording, str]:
+def synchronised_limb(found: Trace, least: float = 0.0) -> tuple[Recording, str]:
     """Return the recording of a traced limb as `synchronised` does that of a robot.
 
     What was found stands in for other joints to agree with: a command that is held for a period
@@ -87,7 +87,7 @@ def synchronised_limb(found: Trace) -> tuple[Recording, str]:
     gain = before.loss - after.loss
     # What one joint lacks beside it may look late: of drag that had no name, by 7 ms.
     most = 0.0 if several else MOST * found.explainable_after.remains
-    if gain < max(MIN_GAIN * before.loss, most):
+    if gain < max(MIN_GAIN * before.loss, most, least):
         return recording, ""
     return later(recording, time), _said(time, "less than a sample")
 
