@@ -49,8 +49,9 @@ from analysis.closeloop.session.runs import TRAVEL
 from analysis.closeloop.session.stretches import without_forgotten
 from analysis.closeloop.units import doubtful_units
 
-#: Share of what names take that the time of a log alone has to take to go before them. (A cuff's
-#: spring is late, too: of two of our own 0.6 and 0.7 of it.)
+#: Share of what names take that the time of a log alone has to take to go before them. A cuff's
+#: spring is late, too. (Set between 0.6 and 0.7 of two such limbs of our own, and 0.97 of a clean
+#: limb of the unkind bench, 7205.)
 ALONE = 0.9
 #: Time that a joint moves by itself, s, before a fit says anything of it, unless it goes far; or
 #: else it leaves its hold for so long, s, in so many blocks of time, in the mean over so many at

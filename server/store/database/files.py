@@ -3,6 +3,7 @@
 import os
 import sqlite3
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ BUSY_SECONDS = 30
 LOG_PAGES = 10_000
 #: How its files begin.
 _MAGIC = b"SQLite format 3\0"
+#: A table that every schema of rehyb has, and the one where Alembic keeps which schema it is.
+_OURS, _VERSION = "studies", "alembic_version"
 
 
 def make_private(path: Path) -> None:
@@ -82,7 +85,9 @@ def open_sqlite(connection: Any, _record: Any) -> None:
     # sqlite3 would open transactions by rules of its own; `engine` does it instead.
     connection.isolation_level = None
     connection.execute(f"PRAGMA busy_timeout = {BUSY_SECONDS * 1000}")
-    if not _is_anothers(connection):
+    # WAL stays with a file for good: one of somebody else's is left as it is.
+    tables = "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%'"
+    if not tables_of_another(name for (name,) in connection.execute(tables)):
         use_write_ahead_log(connection)
     # Losing power may lose the last commits, never consistency: their instances are leased again.
     connection.execute("PRAGMA synchronous = NORMAL")
@@ -91,10 +96,13 @@ def open_sqlite(connection: Any, _record: Any) -> None:
     connection.execute("PRAGMA foreign_keys = ON")
 
 
-def _is_anothers(connection: Any) -> bool:
-    """Whether a file has tables and no schema of ours: WAL stays with a file for good."""
-    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
-    return bool(tables) and "alembic_version" not in tables
+def tables_of_another(tables: Iterable[str]) -> list[str]:
+    """Return the tables of a database that is somebody else's, sorted; none if it is ours or empty.
+
+    Others keep the version of their schema in a table of the same name.
+    """
+    there = set(tables)
+    return [] if _OURS in there else sorted(there - {_VERSION})
 
 
 def use_write_ahead_log(connection: Any) -> None:

@@ -13,9 +13,8 @@ from sqlalchemy.engine import Connection, Engine
 import migrations
 from server.errors import OldSchemaError, OtherDatabaseError, SchemaError
 from server.store.database.engine import create_engine, reading, writing
+from server.store.database.files import tables_of_another
 
-#: A table that every schema of rehyb has, and the one where Alembic keeps which schema it is.
-_OURS, _VERSION = "studies", "alembic_version"
 #: Tables of somebody else's that are named.
 _NAMED = 5
 #: Any number, as long as every version of this program takes the same PostgreSQL advisory lock.
@@ -100,8 +99,7 @@ def _current(connection: Connection) -> str | None:
         SchemaError: it is unknown here.
         OtherDatabaseError: what the schema in use holds is not rehyb's.
     """
-    tables = set(inspect(connection).get_table_names())
-    if tables and _OURS not in tables and (others := sorted(tables - {_VERSION})):
+    if others := tables_of_another(inspect(connection).get_table_names()):
         more = ", ..." if len(others) > _NAMED else ""
         raise OtherDatabaseError(
             f"the database is not rehyb's: it holds other tables ({', '.join(others[:_NAMED])}"
