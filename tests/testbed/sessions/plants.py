@@ -206,22 +206,30 @@ def _follow(
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     data = mujoco.MjData(model)
     # A true model may have joints that nobody declared.
-    own = np.array([model.joint(name).qposadr[0] for name in plant.joints])
+    own = [int(model.joint(name).qposadr[0]) for name in plant.joints]
     data.qpos[own] = reference[0]
     mujoco.mj_forward(model, data)
     speed = np.gradient(reference, STEP, axis=0)
-    kp, kd = np.array(plant.kp), np.array(plant.kd)
-    position, effort = np.empty_like(reference), np.empty_like(reference)
-    # The same memory at each step: to ask for it anew takes longer than a step.
+    gains = list(zip(own, plant.kp, plant.kd, strict=True))
+    position, effort = [], []
+    # The same memory at each step, and numbers instead of arrays of one: either takes longer anew
+    # than a step.
     q, v, bias, applied = data.qpos, data.qvel, data.qfrc_bias, data.qfrc_applied
-    for row, (goal, goal_speed) in enumerate(zip(reference, speed, strict=True)):
-        there, going = q[own], v[own]
-        position[row] = there
-        torque = bias[own] + kp * (goal - there) + kd * (goal_speed - going)
-        effort[row] = torque
-        applied[own] = torque if beyond is None else torque + beyond(data.time, there, going)
+    for goal, goal_speed in zip(reference.tolist(), speed.tolist(), strict=True):
+        there = [q.item(at) for at in own]
+        going = [v.item(at) for at in own]
+        torque = [
+            bias.item(at) + kp * (goal[n] - there[n]) + kd * (goal_speed[n] - going[n])
+            for n, (at, kp, kd) in enumerate(gains)
+        ]
+        position.append(there)
+        effort.append(torque)
+        for at, one in zip(own, torque, strict=True):
+            applied[at] = one
+        if beyond is not None:
+            applied[own] += beyond(data.time, np.array(there), np.array(going))
         mujoco.mj_step(model, data)
-    return position, effort
+    return np.array(position), np.array(effort)
 
 
 def change_efforts(folder: Path, edit: Callable[[np.ndarray], np.ndarray]) -> None:
