@@ -13,10 +13,12 @@ from scipy.ndimage import median_filter
 from analysis.closeloop.identification.balance.least_squares import gram_matrices
 from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import SCATTERED, Rows
+from analysis.closeloop.identification.balance.sticking import samples_step
 from analysis.closeloop.identification.explainable import phase_groups, signal_groups
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import with_free_presliding
 from analysis.closeloop.judgement.holds import spread
+from analysis.closeloop.session.runs import runs
 
 #: Rows of a joint in motion, below which nothing is said of it.
 LEAST_ROWS = 50
@@ -43,6 +45,11 @@ class Beyond:
     left: np.ndarray
     #: The variance of that prediction, over that of a row's own noise.
     doubt: np.ndarray
+
+    @property
+    def by_model(self) -> "Beyond":
+        """The same without splines, which have nothing to say where the model is right."""
+        return Beyond(alone=self.alone, left=self.alone, doubt=np.zeros(len(self.alone)))
 
     @property
     def least(self) -> np.ndarray:
@@ -116,25 +123,65 @@ def beyond_splines(
         # A joint that drifts while it is held has too few seconds for splines: their own error is
         # larger than all that the model leaves, so they have nothing to say. (Twice the power: set
         # while looking at limbs 639 and 5059 of the unkind bench.)
-        return Beyond(alone=alone, left=alone, doubt=np.zeros(len(alone)))
+        return Beyond(alone=alone, left=left, doubt=doubt).by_model
     return Beyond(alone=alone, left=left, doubt=doubt)
 
 
-def right_between(model: Model, rows: Rows, joint: int, events: Sequence[Event]) -> bool:
+def right_between(beyond: Beyond, rows: Rows, joint: int, events: Sequence[Event]) -> bool:
     """Whether a joint's model leaves no more between events than splines on all signals do.
 
     Of a form that is wrong they take some wherever the joint goes, and events are what it leaves.
     """
-    recording, samples = rows.recording, rows.samples[joint]
-    beyond = beyond_splines(model, rows, joint, recording.usable[samples])
-    time, trial = recording.time[samples], recording.trial[samples]
-    between = np.ones(len(samples), dtype=bool)
-    for event in events:
-        inside = (time >= event.begin - BESIDE) & (time <= event.end + BESIDE)
-        between &= ~(inside & (trial == event.trial))
+    between = ~_within(rows, joint, events)
     if between.sum() < LEAST_ROWS:
         return False
     return spread(beyond.alone[between]) <= spread(beyond.left[between])
+
+
+def stretches_beyond(
+    alone: np.ndarray, rows: Rows, joint: int, peak: float, flank: float
+) -> list[Event]:
+    """Return where a joint's model by itself leaves much more than it usually does.
+
+    Args:
+        alone: what it leaves, Nm or N, (r,).
+        rows: the samples of all joints in motion.
+        joint: which.
+        peak: how much more that is at its most, over its spread.
+        flank: and how much as long as it lasts.
+    """
+    samples, recording = rows.samples[joint], rows.recording
+    size = np.abs(alone) / max(spread(alone), 1e-12)
+    return [
+        Event(
+            trial=int(recording.trial[samples[run.start]]),
+            joint=joint,
+            begin=float(recording.time[samples[run.start]]) - BESIDE,
+            end=float(recording.time[samples[run.stop - 1]]) + BESIDE,
+            peak=float(alone[run][np.argmax(size[run])]),
+        )
+        for piece in pieces_of(rows, joint)
+        for run in (slice(piece[0] + r.start, piece[0] + r.stop) for r in runs(size[piece] > flank))
+        if size[run].max() > peak
+    ]
+
+
+def pieces_of(rows: Rows, joint: int) -> list[np.ndarray]:
+    """Return the numbers of a joint's rows, (k,) each, in pieces without a gap."""
+    samples = rows.samples[joint]
+    gaps = np.flatnonzero(np.diff(samples) > 2 * samples_step(samples)) + 1
+    return np.split(np.arange(len(samples)), gaps)
+
+
+def _within(rows: Rows, joint: int, events: Sequence[Event]) -> np.ndarray:
+    """Return which of a joint's rows events touch, or filters carry them to, (r,)."""
+    samples = rows.samples[joint]
+    time, trial = rows.recording.time[samples], rows.recording.trial[samples]
+    inside = np.zeros(len(samples), dtype=bool)
+    for event in events:
+        near = (time >= event.begin - BESIDE) & (time <= event.end + BESIDE)
+        inside |= near & (trial == event.trial)
+    return inside
 
 
 def _tone(

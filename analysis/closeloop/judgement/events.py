@@ -10,7 +10,7 @@ on two recordings of a UR10e (`still_hold` has none, `pushed_while_still` five p
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
@@ -23,20 +23,24 @@ from analysis.closeloop.identification.balance.sticking import (
     driven,
     friction_of,
     samples_step,
-    unknown_friction,
 )
-from analysis.closeloop.identification.balance.terms import kept_columns
 from analysis.closeloop.identification.findings import Event
 from analysis.closeloop.identification.presliding import rubbing_anyway
 from analysis.closeloop.identification.spectrum import strongest_line
-from analysis.closeloop.judgement.beyond import LEAST_ROWS, beyond_splines, right_between
+from analysis.closeloop.judgement.beyond import (
+    LEAST_ROWS,
+    Beyond,
+    beyond_splines,
+    pieces_of,
+    right_between,
+    stretches_beyond,
+)
+from analysis.closeloop.judgement.excused import excused
 from analysis.closeloop.judgement.gaps import gaps_of, of_gaps, with_sides
 from analysis.closeloop.judgement.holds import (
     AROUND,
     LEAST_REST,
-    OF_MOTION,
     SHORTEST,
-    STICTION,
     goes_itself,
     rest_events,
     spread,
@@ -46,7 +50,6 @@ from analysis.closeloop.judgement.shoved import away_events, shoved_events
 from analysis.closeloop.session.recording import Recording
 from analysis.closeloop.session.runs import runs
 from analysis.closeloop.session.signals import least_digit, lowpass, rms
-from sim.effects.laws.backlash import Backlash
 
 #: An event's peak and its flanks, over the spread of the residual (from its median).
 PEAK, FLANK = 6.0, 2.5
@@ -75,14 +78,30 @@ ABRUPT = 0.5
 AS_ABRUPT = 4.0
 
 
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """What stands out of a recording."""
+
+    #: Events, in the order of time.
+    told: tuple[Event, ...]
+    #: Stretches that may be, too, where a model's form is wrong, so that none can be told from it.
+    doubted: tuple[Event, ...]
+
+
 def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
-    """Return the events of every trial and joint with an effort, in the order of time.
+    """Return the events that are told of every trial and joint; arguments as `standing_out`."""
+    return standing_out(model, recording).told
+
+
+def standing_out(model: Model, recording: Recording) -> Standing:
+    """Return what stands out of every trial and joint with an effort.
 
     Args:
         model: what is known by now: what is declared, and effects that were found.
         recording: all trials.
     """
     found: list[Event] = []
+    doubted: list[Event] = []
     friction = dict.fromkeys(recording.joints, 0.0)
     expected: dict[int, np.ndarray] = {}
     if not recording.still:
@@ -101,20 +120,20 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             # Of one that hardly rubs, a push itself would be taken for friction.
             rubs = rubbed > MIN_TORQUE * rms(recording.effort[samples, joint])
             known = rubbing_anyway(model, joint) if rubs else model
-            unknown = STICTION * unknown_friction(model, rows, joint)
-            unknown = unknown + crossing(model, rows, joint) + recalled(model, rows, joint)
-            unknown = unknown + of_gaps(model, rows, joint, gaps)
-            stands_out = [*_moving(known, every, joint, unknown)]
-            own = _long(event for event, swings in stands_out if not swings)
+            unknown = excused(model, rows, joint) + of_gaps(model, rows, joint, gaps)
             seconds = len(samples) * samples_step(samples) / recording.rate
             moved = driven(recording, joint, samples) | goes_itself(recording, joint)[samples]
             if int(moved.sum()) * seconds > TELLS * len(samples):
                 torque = prediction(model, evaluate(model, rows).coefficients)[:, [joint]]
                 expected[joint] = recording.filtered(torque)[:, 0]
-            both = [event for event, _ in stands_out]
-            few = len(_long(both)) <= max(3.0, OFTEN * seconds)
-            if few or right_between(known, every, joint, both):
-                found += _over_rests(own, rows, joint)
+            if len(np.unique(every.block[every.parts[joint]])) < SCATTERED:
+                continue
+            usable = model.recording.usable[every.samples[joint]]
+            beyond = beyond_splines(known, every, joint, usable)
+            own, right = _told(beyond, every, joint, unknown, OFTEN * seconds)
+            found += _over_rests(own, rows, joint)
+            if not right:
+                doubted += stretches_beyond(beyond.alone, every, joint, PEAK, FLANK)
     for joint in range(recording.effort.shape[1]):
         moved = expected.get(joint)
         abrupt = 0.0 if moved is None else ABRUPT * upper_octave(recording, joint)
@@ -126,7 +145,26 @@ def find_events(model: Model, recording: Recording) -> tuple[Event, ...]:
             found += away_events(recording, joint)
     rounded = {joint: _rounded(recording, joint) for joint in range(recording.effort.shape[1])}
     found = [event for event in found if abs(event.peak) > rounded[event.joint]]
-    return tuple(sorted(_joined(found), key=lambda one: (one.begin, one.joint)))
+    told = tuple(sorted(_joined(found), key=lambda one: (one.begin, one.joint)))
+    return Standing(told=told, doubted=tuple(doubted))
+
+
+def _told(
+    beyond: Beyond, rows: Rows, joint: int, unknown: np.ndarray, often: float
+) -> tuple[list[Event], bool]:
+    """Return the events of a moving joint, and whether its model is right between them.
+
+    Args:
+        beyond: what the model leaves.
+        rows, joint, unknown: as of `_moving`.
+        often: how many events are too many, unless the model is right between them.
+    """
+    every = [*_moving(beyond, rows, joint, unknown)]
+    right = right_between(beyond, rows, joint, [event for event, _ in every])
+    if len(_long(event for event, _ in every)) > max(3.0, often):
+        # Splines miss what a push itself makes of the motion.
+        every = [*_moving(beyond.by_model, rows, joint, unknown)] if right else []
+    return _long(event for event, swings in every if not swings), right
 
 
 def _rounded(recording: Recording, joint: int) -> float:
@@ -148,14 +186,14 @@ def spared(recording: Recording, events: tuple[Event, ...]) -> Recording:
 
 
 def _moving(
-    model: Model, rows: Rows, joint: int, unknown: np.ndarray
+    beyond: Beyond, rows: Rows, joint: int, unknown: np.ndarray
 ) -> Iterator[tuple[Event, bool]]:
     """Yield what stands out of a moving joint's residual and is not there in other passes.
 
     With each whether it swings back (`_swings`), so that it is no event.
 
     Args:
-        model: what is known by now.
+        beyond: what is left of it beside what is known by now.
         rows: the samples of all joints in motion.
         joint: which.
         unknown: torque that no motion shows, Nm or N, low-passed, (n,). Where a joint turns,
@@ -163,14 +201,8 @@ def _moving(
             rest; when a link flies through its play, and how it lands, no sample says.
     """
     recording, samples = rows.recording, rows.samples[joint]
-    if len(np.unique(rows.block[rows.parts[joint]])) < SCATTERED:
-        return
-    beyond = beyond_splines(model, rows, joint, model.recording.usable[samples])
-    left = beyond.least
+    left, pieces = beyond.least, pieces_of(rows, joint)
     step = float(np.median(np.diff(recording.time[samples])))
-    pieces = np.split(
-        np.arange(len(samples)), np.flatnonzero(np.diff(samples) > 2 * samples_step(samples)) + 1
-    )
     turned = recording.since_reversal(joint)[samples]
     motion = [x[samples, joint] for x in (recording.velocity, recording.acceleration)]
     places = [recording.position[samples, joint], np.sign(turned) * np.log(np.abs(turned) + 0.02)]
@@ -275,34 +307,6 @@ def _averaged(signal: np.ndarray, pieces: Sequence[np.ndarray], width: int) -> n
     for piece in pieces:
         found[piece] = uniform_filter1d(signal[piece], width)
     return found
-
-
-def crossing(model: Model, rows: Rows, joint: int) -> np.ndarray:
-    """Return how much torque flights through play take of a joint near each sample, (n,)."""
-    recording, torque = model.recording, np.zeros(len(model.recording.time))
-    for term, own in model.split(evaluate(model, rows).coefficients):
-        if isinstance(term.effect, Backlash) and joint in term.columns:
-            torque += np.abs(kept_columns(term)[joint] @ own)
-    found = np.empty(len(torque))
-    for piece in recording.slices:
-        found[piece] = maximum_filter1d(torque[piece], int(AROUND * recording.rate) | 1)
-    return found
-
-
-def recalled(model: Model, rows: Rows, joint: int) -> np.ndarray:
-    """Return how much may be wrong, near each sample, of what depends on the motion before, (n,).
-
-    A share of its torque: a reflex begins at once, and its form says how only about. (A stranger's
-    reflex was known to a percent, and five pushes were told where it began and ended.)
-    """
-    recording, torque = model.recording, np.zeros(len(model.recording.time))
-    for term, own in model.split(evaluate(model, rows).coefficients):
-        if term.effect is not None and term.effect.remembers and joint in term.columns:
-            torque += np.abs(kept_columns(term)[joint] @ own)
-    width = int(AROUND * recording.rate) | 1
-    for piece in recording.slices:
-        torque[piece] = OF_MOTION * maximum_filter1d(torque[piece], width)
-    return torque
 
 
 def upper_octave(recording: Recording, joint: int) -> np.ndarray:
