@@ -15,6 +15,9 @@ from analysis.closeloop.session.runs import runs
 
 #: A joint this many of its encoder's steps a sample fast cannot stand still for one sample.
 CLEAR_STEPS = 3.0
+#: Steps of an effort on either side of a stand that say whether it is noisy, and the share of them
+#: in which it then changes, at least: another stand may be near.
+BESIDE, CHANGES = 8, 0.6
 #: Share of missing samples that is worth a word.
 WORTH_SAYING = 0.002
 #: Steps longer than this many that the clock keeps are gaps.
@@ -32,6 +35,8 @@ def without_stale(trial: Trial) -> Trial:
     A sample is a copy if no signal of it changed while a position was on its way: it stands where
     it was, and moved between the samples on both sides by more than the encoder's step could hide.
     Where it turned meanwhile, an effort has to have been on its way: a joint may stand as it turns.
+    Or it leapt to where it went on at a lesser speed, beside an effort that never stood; and a log
+    that held samples so did so wherever whole rows stand for half as long beside such an effort.
     """
     positions = [c for name, c in trial.columns.items() if name.endswith(".position")]
     efforts = [c for name, c in trial.columns.items() if name.endswith(".effort")]
@@ -44,9 +49,15 @@ def without_stale(trial: Trial) -> Trial:
         [(signal, CLEAR_STEPS * _step(signal)) for signal in several]
         for several in (positions, efforts)
     )
-    for run in runs(same):
-        # Samples first to last are equal; those after the first are in doubt.
-        first, last = run.start, run.stop
+    # Samples first to last are equal; those after the first are in doubt.
+    stands = [(run.start, run.stop) for run in runs(same)]
+    restless = [any(_restless(effort, *stand) for effort in efforts) for stand in stands]
+    held = []
+    for (first, last), noisy in zip(stands, restless, strict=True):
+        if noisy and any(_leapt(position, least, first, last) for position, least in moving):
+            held.append(last - first)
+            stale[first + 1 : last + 1] = True
+            continue
         before, after = first - 1, last + 1
         if before < 0 or after >= len(trial.time):
             continue
@@ -54,6 +65,11 @@ def without_stale(trial: Trial) -> Trial:
         ways = [_way(position, least, *around) for position, least in moving]
         turns = any(ways) and any(_way(effort, least, *around) > 0 for effort, least in driving)
         stale[first + 1 : last + 1] = turns or any(way > 0 for way in ways)
+    if held:
+        long = max(2.0, 0.5 * float(np.median(held)))
+        for (first, last), noisy in zip(stands, restless, strict=True):
+            if noisy and last - first >= long:
+                stale[first + 1 : last + 1] = True
     if not stale.any():
         return trial
     kept = ~stale
@@ -76,6 +92,26 @@ def _way(signal: np.ndarray, least: float, before: int, first: int, last: int, a
     """
     into, out = signal[first] - signal[before], signal[after] - signal[last]
     return float(np.sign(into * out)) if min(abs(into), abs(out)) >= least > 0.0 else 0.0
+
+
+def _leapt(position: np.ndarray, least: float, first: int, last: int) -> bool:
+    """Whether a joint went faster in the one step after a stand than beside it, by `least`.
+
+    What it did in the samples that were held is in that step: at a speed that changes evenly it is
+    half as long as all of them at the greater of both speeds, and here half of that will do.
+    """
+    out = np.abs(np.diff(position[last : last + 3]))
+    into = np.abs(np.diff(position[max(first - 1, 0) : first + 1]))
+    if len(out) < 2 or least <= 0.0:
+        return False
+    beside = max([out[1], *into])
+    return bool(out[0] >= max(2.0, 0.25 * (last - first + 1)) * beside + least)
+
+
+def _restless(effort: np.ndarray, first: int, last: int) -> bool:
+    """Whether an effort changes with most samples beside a stand: it is noisy, or on its way."""
+    before, after = effort[max(first - BESIDE, 0) : first + 1], effort[last : last + BESIDE + 1]
+    return float(np.mean(np.r_[np.diff(before), np.diff(after)] != 0.0)) >= CHANGES
 
 
 def _step(signal: np.ndarray) -> float:

@@ -230,6 +230,39 @@ def test_a_stale_sample_at_a_turn_is_one_where_the_effort_was_on_its_way() -> No
     assert without_stale(standing) is standing
 
 
+def held_at_turns(whole: Trial, held: int) -> tuple[Trial, np.ndarray]:
+    """Return a trial whose log held its samples from every turn on, and which are copies, (n,)."""
+    columns = {name: np.round(column / 1e-4) * 1e-4 for name, column in whole.columns.items()}
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(whole.columns["elbow.position"])))) + 1
+    copies = np.zeros(len(whole.time), dtype=bool)
+    for turn in (0, *turns):
+        copies[turn + 1 : turn + held] = True
+        for column in columns.values():
+            column[turn : turn + held] = column[turn]
+    return replace(whole, columns=columns), copies
+
+
+@pytest.mark.parametrize("held", [10, 16])
+def test_whole_rows_of_a_noisy_effort_that_stand_before_a_leap_were_held(held: int) -> None:
+    """Of 80 ms at every turn one sample in eleven was left out, and nine were pushes (a
+    stranger's)."""
+    stale, copies = held_at_turns(trial(), held)
+    fresh = without_stale(stale)
+    assert copies.sum() > 60 and np.array_equal(fresh.time, stale.time[~copies])
+    assert fresh.repairs[0].startswith(f"{copies.sum()} samples repeat the one before")
+
+
+def test_a_joint_that_sticks_and_slips_may_repeat_itself() -> None:
+    """It leaps from stand to stand, and an effort of few steps stands beside it."""
+    whole = trial()
+    columns = {name: column.copy() for name, column in whole.columns.items()}
+    stand = np.arange(len(whole.time)) // 20
+    columns["elbow.position"] = np.where(stand % 4 < 2, 0.01, -0.01) * stand
+    columns["elbow.effort"] = np.round(3.0 * np.cos(0.7 * stand))
+    hunting = replace(whole, columns=columns)
+    assert without_stale(hunting) is hunting
+
+
 def test_a_joint_at_rest_may_repeat_itself() -> None:
     whole = trial()
     columns = {name: column.copy() for name, column in whole.columns.items()}
