@@ -14,7 +14,12 @@ import numpy as np
 
 from analysis.closeloop.contract import REPORT_FILES, Verdict
 from analysis.closeloop.errors import naming_unsolvable
-from analysis.closeloop.identification.arms.skew import synchronised, synchronised_limb, tells_time
+from analysis.closeloop.identification.arms.skew import (
+    ALONE,
+    synchronised,
+    synchronised_limb,
+    tells_time,
+)
 from analysis.closeloop.identification.balance.model import Model, impedances
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.sticking import driven, samples_step
@@ -49,10 +54,6 @@ from analysis.closeloop.session.runs import TRAVEL
 from analysis.closeloop.session.stretches import without_forgotten
 from analysis.closeloop.units import doubtful_units
 
-#: Share of what names take that the time of a log alone has to take to go before them. A cuff's
-#: spring is late, too. (Set between 0.6 and 0.7 of two such limbs of our own, and 0.97 of a clean
-#: limb of the unkind bench, 7205.)
-ALONE = 0.9
 #: Time that a joint moves by itself, s, before a fit says anything of it, unless it goes far; or
 #: else it leaves its hold for so long, s, in so many blocks of time, in the mean over so many at
 #: least: its motor perturbs a limb. (The mean, while looking at five real ankles.)
