@@ -98,7 +98,7 @@ def check_declared(recording: Recording) -> None:
         return
     column, why = wrong[0]
     first = recording.session.trials[recording.fit_trials[0]].file
-    raise SessionError(why, file=first, column=column, line=2)
+    raise SessionError(why, file=first, column=column)
 
 
 def doubtful_gravity(recording: Recording) -> list[str]:

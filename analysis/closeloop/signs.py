@@ -35,10 +35,11 @@ def check_signs(recording: Recording) -> None:
     name, *others = (joint for joint in map(recording.name, recording.joints) if joint in wrong)
     as_well = f" (so have those of {', '.join(others)}; turn all of them)" if others else ""
     why = (
-        f"has the opposite sign of what {name} needs{as_well}: as recorded, the joint drives the "
-        "motor; effort is positive along the joint's axis, as position is"
+        f"has the opposite sign of what {name} needs{as_well}, or {name}.position is counted the "
+        "other way round: as recorded, the joint drives the motor; both are positive along the "
+        "joint's axis"
     )
-    raise SessionError(why, file=first, column=f"{name}.effort", line=2)
+    raise SessionError(why, file=first, column=f"{name}.effort")
 
 
 def _drives_its_motor(recording: Recording, joint: int) -> bool:

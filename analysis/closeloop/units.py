@@ -47,7 +47,7 @@ def check_units(recording: Recording) -> None:
                 f"looks like turns: 2 pi times as large, the declared model of {name} needs the "
                 "recorded effort, and as recorded it does not; positions are in radians"
             )
-            raise SessionError(why, file=first, column=f"{name}.position", line=2)
+            raise SessionError(why, file=first, column=f"{name}.position")
         limb, where = joint in recording.limbs, "gravity and inertia alike"
         constant = _constant(effort, links)
         question = _question(constant, hinge=hinge) if constant is not None else ""
@@ -60,7 +60,7 @@ def check_units(recording: Recording) -> None:
                 f"is {constant:.4g} times what the declared model of {name} needs, in {where}: "
                 f"{question} effort is what arrives at the joint, in {'Nm' if hinge else 'N'}"
             )
-            raise SessionError(why, file=first, column=f"{name}.effort", line=2)
+            raise SessionError(why, file=first, column=f"{name}.effort")
 
 
 def doubtful_units(recording: Recording) -> list[str]:

@@ -183,8 +183,11 @@ def test_pushes_of_a_held_joint_are_no_flipped_sign_of_its_effort(recording: Rec
     check_signs(with_effort(held, -9.0 * pushes))
     phase = 2 * np.pi * 0.5 * TIME
     swinging = holding(recording, 0.4 * np.sin(phase), np.zeros(len(TIME)), sag=0.0)
-    with pytest.raises(SessionError, match="opposite sign"):
+    with pytest.raises(SessionError, match="opposite sign") as caught:
         check_signs(with_effort(swinging, -9.0 * np.sin(phase + 0.5)))
+    # A whole column has no line, and a position that is turned looks alike (a stranger's).
+    assert (caught.value.column, caught.value.line) == ("elbow.effort", None)
+    assert "or elbow.position is counted the other way round" in str(caught.value)
 
 
 def shoved(begin: float) -> np.ndarray:
