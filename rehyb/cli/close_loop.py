@@ -5,7 +5,7 @@ import re
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,6 +23,8 @@ from rehyb.whole_files import write_json
 
 #: Time before stages are told where nobody may be looking, s.
 QUIET = 5.0
+#: Share of an error's power above its noise that is most of it.
+MOST = 0.5
 #: What `study of-session --out` writes.
 MODEL_FILES = ("model.toml", "robot.xml", "path.csv")
 
@@ -209,14 +211,14 @@ def of_session(
 def _lines(report: Json, out: Path) -> Iterator[str]:
     """Yield what a report says, line by line."""
     yield report["verdict"]
+    yield from _of_the_rest(report)
     for effect in report["effects"]:
         yield f"  {effect['name']} at {effect.get('where', effect['joint'])}"
         for name, entry in effect["parameters"].items():
             if entry["value"] is None:
                 yield f"    {name:20} not determined"
                 continue
-            low, high = entry["ci90"]
-            yield f"    {name:20} {entry['value']: 9.4g} [{low:.4g}, {high:.4g}] {entry['unit']}"
+            yield _sized(name, entry["value"], entry["ci90"], entry["unit"])
         if effect["indistinguishable_from"]:
             yield f"    looks like {', '.join(effect['indistinguishable_from'])}"
     for entry in report.get("declared", ()):
@@ -242,6 +244,25 @@ def _lines(report: Json, out: Path) -> Iterator[str]:
     yield str(out / "report.html")
 
 
+def _of_the_rest(report: Json) -> Iterator[str]:
+    """Yield a line for each joint of which the effects that were found leave most of the error."""
+    if report["verdict"] != "effect_found":
+        return
+    for joint, error in report["error"]["holdout"].items():
+        noise = (error["floor"] or 0.0) ** 2
+        there, left = error["before"] ** 2 - noise, error["after"] ** 2 - noise
+        if left > MOST * there > 0.0:
+            share = min(left / there, 1.0)
+            above = " above its noise" if noise else ""
+            yield f"  most of the error of {joint} is left: {100 * share:.0f} % of its power{above}"
+
+
+def _sized(label: str, value: float, interval: Sequence[float], unit: str) -> str:
+    """Return a parameter's line; what has no dimension has no unit."""
+    (low, high), said = interval, "" if unit == "1" else f" {unit}"
+    return f"    {label:20} {value: 9.4g} [{low:.4g}, {high:.4g}]{said}"
+
+
 def _of_declared(entry: Json) -> Iterator[str]:
     """Yield what was found of a declared effect or load, line by line."""
     called = f" {entry['name']}" if "name" in entry else ""
@@ -257,5 +278,4 @@ def _of_declared(entry: Json) -> Iterator[str]:
             if value is None:
                 yield f"    {label:20} not determined"
                 continue
-            low, high = interval or (value, value)
-            yield f"    {label:20} {value: 9.4g} [{low:.4g}, {high:.4g}] {found['unit']}"
+            yield _sized(label, value, interval or (value, value), found["unit"])

@@ -18,8 +18,6 @@ from sim.effects.laws.loose_link import DAMPED
 
 #: Effects that are listed of those that could move a stiffness.
 MAX_HIDDEN = 5
-#: Which of several names a value belongs to.
-FIRST = "with the effect that is named first"
 
 
 class Refits:
@@ -177,13 +175,15 @@ def undecided(entries: Mapping[str, Any]) -> list[str]:
     for joint, values in entries.items():
         entry = values["stiffness"]
         if apart := _apart(values, APART):
-            said = ", ".join(
-                f"{value:.3g} if the effect is {name}" for name, value in apart.items()
-            )
-            given = "if nothing is repaired" if entry["after"] == entry["before"] else FIRST
+            repaired = entry["after"] != entry["before"]
+            given, other = "if nothing is repaired", "if the effect is"
+            if repaired:
+                given, other = "with the names that it has here", "with"
+            said = ", ".join(f"{value:.3g} {other} {name}" for name, value in apart.items())
+            instead = " in place of one that these trials do not tell from it" if repaired else ""
             lines.append(
                 f"the stiffness of {joint} is {entry['after']:.3g} {entry['unit']} {given}, but "
-                f"{said}; its interval holds them all"
+                f"{said}{instead}; its interval holds them all"
             )
     return lines
 

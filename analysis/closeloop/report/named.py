@@ -329,10 +329,11 @@ def _listed(sizes: Mapping[str, Any]) -> str:
 
 
 def supposed(entries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a warning for every parameter of a found effect that is as usual and no estimate."""
+    """Return a warning for every parameter of a found effect that is assumed and no estimate."""
     return [
-        f"{entry['name']} of {where(entry)}: {name} is {parameter['value']:g}, as usual, since "
-        "these trials tell no other; the intervals of its other parameters hold for that"
+        f"{entry['name']} of {where(entry)}: {name} is assumed to be {parameter['value']:g}, as "
+        "where nothing shows it: these trials do not tell how large it is; the intervals of its "
+        "other parameters hold only if it is that"
         for entry in entries
         for name, parameter in entry["parameters"].items()
         if parameter["ci90"] == [parameter["value"]] * 2

@@ -33,7 +33,7 @@ END_OF_RANGE = 0.01
 OF_SIGNALS = "what goes with a signal or oscillates, over the fitted trials"
 OF_TRIALS = "the error of a trial that stands out, less the usual one"
 OF_FLOOR = "the error in motion, less the floor"
-OF_EVENTS = "the error within the events alone"
+OF_EVENTS = "the error during the events alone, not over all of the trials"
 OF_PEAKS = "the events, as half sines of their peaks"
 #: What a stiffness that differs from trial to trial goes with.
 TRIAL = "trial"

@@ -45,6 +45,38 @@ def test_what_each_error_is_of_is_printed_beside_it() -> None:
     assert max(map(len, lines)) <= 80
 
 
+@pytest.mark.parametrize(
+    ("after", "floor", "said"),
+    [
+        (0.4, 0.02, ["  most of the error of elbow is left: 64 % of its power above its noise"]),
+        (0.4, None, ["  most of the error of elbow is left: 64 % of its power"]),
+        (0.6, 0.02, ["  most of the error of elbow is left: 100 % of its power above its noise"]),
+        (0.1, 0.02, []),
+        (0.48, 0.48, []),
+    ],
+)
+def test_effects_that_leave_most_of_the_error_are_said_to_first(
+    after: float, floor: float | None, said: list[str]
+) -> None:
+    """Of unmodelled drag two effects took a fifth: `effect_found` sounded whole (a stranger's)."""
+    found = report(floor) | {"verdict": "effect_found"}
+    found["error"]["holdout"]["elbow"]["after"] = after
+    lines = [*_lines(found, Path("out"))]
+    assert [line for line in lines if "most of the error" in line] == said
+    assert lines[1 : 1 + len(said)] == said
+    assert not any("most of" in line for line in _lines(report(floor), Path("out")))
+
+
+def test_a_number_without_a_dimension_has_no_unit() -> None:
+    """`side` was "-1 [-1, -1] 1" (a stranger's)."""
+    sizes = {"side": {"value": -1.0, "ci90": [-1.0, -1.0], "unit": "1"}}
+    sizes["gain"] = {"value": 2.5, "ci90": [2.0, 3.0], "unit": "Nm s/rad"}
+    reflex = {"name": "stretch_reflex", "joint": "elbow", "parameters": sizes}
+    lines = [*_lines(report() | {"effects": [reflex | {"indistinguishable_from": []}]}, Path())]
+    assert lines[2].split() == ["side", "-1", "[-1,", "-1]"] and not lines[2].endswith(" ")
+    assert lines[3].endswith("[2, 3] Nm s/rad")
+
+
 def test_links_that_are_other_than_declared_are_at_no_joint() -> None:
     """They stood "at" an arm's first joint, as if that were the wrong one."""
     plain = {"parameters": {}, "indistinguishable_from": []}

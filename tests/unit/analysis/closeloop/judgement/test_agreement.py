@@ -117,3 +117,15 @@ def test_of_names_that_move_a_stiffness_one_way_the_one_that_moves_it_least_repa
     assert step.key[0] == "payload" and step.equals[0].candidate.effect.name == "added_inertia"
     # Already the nearest, it stays.
     assert agreed(traced(rows, "payload", "added_inertia")).steps[0].key[0] == "payload"
+
+
+def test_of_several_effects_that_were_found_it_is_said_that_another_stands_in_place_of_one() -> (
+    None
+):
+    """Of friction, a payload and an inertia K was another "if the effect is payload"."""
+    stiffness = {"unit": "Nm/rad", "before": 5.5, "after": 5.2, "after_if": {"payload": 4.6}}
+    (said,) = undecided({"elbow": {"stiffness": stiffness}})
+    assert said == (
+        "the stiffness of elbow is 5.2 Nm/rad with the names that it has here, but 4.6 with "
+        "payload in place of one that these trials do not tell from it; its interval holds them all"
+    )

@@ -308,7 +308,10 @@ def test_a_power_that_is_supposed_is_said_to_be(value: float, half: float, warne
     }
     said = supposed([entry, links, reflex, coupling])
     assert len(said) == warned
-    assert all("of elbow: stribeck_exponent is 2, as usual" in line for line in said)
+    assert all(
+        "of elbow: stribeck_exponent is assumed to be 2, as where nothing shows it" in line
+        for line in said
+    )
 
 
 def test_a_load_beside_a_declared_one_has_parameters_of_its_own() -> None:
