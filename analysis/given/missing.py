@@ -28,7 +28,8 @@ def lacking(names: Sequence[str], table: Array) -> str:
         table: shape (rows, columns), nan where there is none; one row or more lacks a cell.
     """
     gone: NDArray[np.bool_] = np.asarray(np.isnan(table).any(axis=1), dtype=np.bool_)
-    said = f"{gone.sum()} of {len(table)} rows lack a cell and are left out"
+    lack = "lacks a cell and is" if gone.sum() == 1 else "lack a cell and are"
+    said = f"{gone.sum()} of {len(table)} rows {lack} left out"
     tied = _tied(names, table, gone) if gone.sum() >= FEWEST else []
     if tied:
         more = f" and {len(tied) - _SHOWN} more" if len(tied) > _SHOWN else ""

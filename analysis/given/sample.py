@@ -119,8 +119,9 @@ def _sample(
     first = _laid_out_or_new(table[:, : len(factors)], table[:, len(factors) :])
     if copies := len(table) - len(first):
         remarks.append(
-            f"{copies} of {len(table)} rows are exact copies of others and are "
-            "left out: they tell nothing new."
+            f"{copies} of {len(table)} rows "
+            + ("is an exact copy of another" if copies == 1 else "are exact copies of others")
+            + ", which tell nothing new: left out."
         )
         table = table[first]
         kept = {name: table[:, n] for n, name in enumerate(names)}

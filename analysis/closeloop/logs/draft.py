@@ -17,6 +17,7 @@ from analysis.closeloop.logs.log import Numbers
 from analysis.closeloop.logs.streams import on_one_clock
 from analysis.closeloop.magnitudes import SAID, are_magnitudes
 from analysis.closeloop.unit_names import UNITS
+from intake.words import counted
 from intake.xml import all_listed, listed
 
 #: What signals without any unit are taken for.
@@ -144,15 +145,21 @@ def write_session(
             file=stem,
         )
     if not whole.all():
-        remarks.append(f"{np.sum(~whole)} samples without a number were left out")
+        said = counted(
+            int(np.sum(~whole)), "sample without a number was", "samples without a number were"
+        )
+        remarks.append(f"{said} left out")
     begins = {int(whole[:at].sum()): name for name, at in position.channel.trials}
     parts, repeated, restarts = _parts(table[whole], begins)
     if repeated:
-        remarks.append(f"{repeated} samples that repeat a stamp were left out")
+        said = counted(
+            repeated, "sample that repeats a stamp was", "samples that repeat a stamp were"
+        )
+        remarks.append(f"{said} left out")
     if restarts:
         remarks.append(
-            f"the clock begins anew {restarts} times: each part is a trial, and begins 1 s after "
-            "the one before"
+            f"the clock begins anew {counted(restarts, 'time', 'times')}: each part is a trial, "
+            "and begins 1 s after the one before"
         )
     folder.mkdir(parents=True, exist_ok=True)
     files = [f"{stem}.csv" if len(parts) == 1 else f"{stem}_{n + 1}.csv" for n in range(len(parts))]

@@ -16,6 +16,7 @@ from analysis.closeloop.logs.labels import without_labels
 from analysis.closeloop.logs.log import Channel, Log
 from analysis.closeloop.logs.trials import join_trials
 from analysis.closeloop.unit_names import unit_of
+from intake.words import counted
 
 #: Of those in as many lines, the first: a decimal comma stands beside another separator.
 SEPARATORS = (";", "\t", "|", ",")
@@ -54,7 +55,14 @@ def read(path: Path) -> Log:
         raise SessionError("has fewer than two lines", file=path.name)
     lines, others = without_labels(lines)
     if others:
-        log.remarks.append(f"{others} lines have other labels than most and were left out")
+        log.remarks.append(
+            counted(
+                others,
+                "line has other labels than most and was",
+                "lines have other labels than most and were",
+            )
+            + " left out"
+        )
     split = _splitting(lines)
     try:
         rows = split(lines)
@@ -68,8 +76,8 @@ def read(path: Path) -> Log:
     whole = [row for row in rows if len(row) == width]
     if len(whole) < len(rows):
         log.remarks.append(
-            f"{len(rows) - len(whole)} of {len(rows)} lines have another number of columns than "
-            f"{width} and were left out"
+            f"{len(rows) - len(whole)} of {len(rows)} lines left out: another number of columns "
+            f"than {width}"
         )
     first = rows.index(whole[0])
     width, whole = _spread(whole)
@@ -212,7 +220,8 @@ def _names(head: list[list[str]], width: int, log: Log) -> list[str]:
             group = cell or group
             names[at] = f"{group} {names[at]}".strip()
     if above:
-        log.remarks.append(f"{len(above)} lines above the header were left out")
+        said = counted(len(above), "line above the header was", "lines above the header were")
+        log.remarks.append(f"{said} left out")
     names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
     seen: Counter[str] = Counter()
     for at, name in enumerate(names):
@@ -249,7 +258,10 @@ def _without_comments(lines: list[str], log: Log) -> tuple[list[str], list[str]]
     )
     kept = [line for line in lines[top:] if not line.lstrip().startswith(COMMENTS)]
     if len(kept) < len(lines):
-        log.remarks.append(f"{len(lines) - len(kept)} lines are comments and were left out")
+        said = counted(
+            len(lines) - len(kept), "line is a comment and was", "lines are comments and were"
+        )
+        log.remarks.append(f"{said} left out")
     return kept, lines[max(0, top - 2) : top]
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.closeloop.session.recording import Recording
+from intake.words import counted
 from sim.pictures.figures import even_panels
 
 if TYPE_CHECKING:
@@ -39,7 +40,8 @@ def remarks(recording: Recording, number: int) -> list[str]:
     if not pieces:
         found.append("is not used: no half second without a gap")
     elif len(pieces) > 1 or left_out > 0.5:
-        found.append(f"has gaps: {len(pieces)} stretches of {used:.1f} s in all are used")
+        parts = counted(len(pieces), "stretch is", "stretches are")
+        found.append(f"has gaps: {parts} used, of {used:.1f} s in all")
     even = steps[steps < 5.0 * step]
     if float(even.std()) > JITTER * step:
         found.append(

@@ -12,6 +12,7 @@ from scipy.ndimage import median_filter
 
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.runs import runs
+from intake.words import counted
 
 #: A joint this many of its encoder's steps a sample fast cannot stand still for one sample.
 CLEAR_STEPS = 3.0
@@ -79,8 +80,10 @@ def without_stale(trial: Trial) -> Trial:
         columns={name: column[kept] for name, column in trial.columns.items()},
         repairs=(
             *trial.repairs,
-            f"{int(stale.sum())} samples repeat the one before under a new stamp, and were left "
-            "out",
+            counted(int(stale.sum()), "sample repeats", "samples repeat")
+            + " the one before under a new stamp, and "
+            + ("was" if stale.sum() == 1 else "were")
+            + " left out",
         ),
     )
 

@@ -17,6 +17,7 @@ from analysis.closeloop.session.columns import (
 )
 from analysis.closeloop.session.contents import Trial
 from analysis.closeloop.session.files import like, read_text
+from intake.words import counted
 from intake.xml import listed
 
 TIME = "time"
@@ -232,7 +233,8 @@ def _whole_cells(
         row = int(np.argmax(missed))
         name, count = names[int(np.argmax(lacking[row]))], int(missed.sum())
         _require_few(count, len(empty), "is empty", file, name, int(lines[row]))
-        repairs.append(f"{count} samples with an empty cell were left out")
+        said = counted(count, "sample with an empty cell was", "samples with an empty cell were")
+        repairs.append(f"{said} left out")
     return np.logical_not(spare), np.logical_not(missed)
 
 
@@ -256,7 +258,8 @@ def _first_of_each(
         _require_few(
             copies, len(table), "repeats a sample", file, TIME, int(lines[np.argmin(once)])
         )
-        repairs.append(f"{copies} samples that repeat the one before were left out")
+        said = counted(copies, "sample that repeats", "samples that repeat")
+        repairs.append(f"{said} the one before {'was' if copies == 1 else 'were'} left out")
     return once
 
 

@@ -62,8 +62,8 @@ def test_samples_without_a_number_and_repeated_stamps_are_left_out_and_counted(
         )
     )
     remarks = write_session(tmp_path / "s", "log", chosen, joint_names(chosen))
-    assert any("1 samples without a number" in remark for remark in remarks)
-    assert any("1 samples that repeat a stamp" in remark for remark in remarks)
+    assert any("1 sample without a number" in remark for remark in remarks)
+    assert any("1 sample that repeats a stamp was left out" in remark for remark in remarks)
     assert len(table(tmp_path / "s" / "log.csv")[1]) == len(TIME) - 2
 
 
@@ -79,7 +79,7 @@ def test_a_clock_that_begins_anew_begins_a_trial(tmp_path: Path) -> None:
         )
     )
     remarks = write_session(tmp_path / "s", "log", chosen, joint_names(chosen))
-    assert any("begins anew 1 times" in remark for remark in remarks)
+    assert any("begins anew 1 time:" in remark for remark in remarks)
     first, second = (table(tmp_path / "s" / f"log_{n}.csv")[1][:, 0] for n in (1, 2))
     assert len(first) == len(second) == len(TIME)
     assert second[0] == pytest.approx(first[-1] + 1.0)

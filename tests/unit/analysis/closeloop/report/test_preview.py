@@ -26,7 +26,7 @@ def test_a_clean_trial_is_left_without_a_word(folder: Folder) -> None:
 
 def test_a_gap_and_what_is_used_are_told(folder: Folder) -> None:
     folder.table = np.delete(folder.table, slice(800, 1000), axis=0)
-    assert "has gaps: 2 stretches of 9.0 s" in noticed(folder)
+    assert "has gaps: 2 stretches are used, of 9.0 s in all" in noticed(folder)
 
 
 def test_a_jittered_clock_is_told(folder: Folder) -> None:
