@@ -163,6 +163,7 @@ def _next_step(
     if beside is not model:
         taken, *equals = _as_held([step.taken, *step.equals], model, current, rows)
         step = replace(step, taken=taken, equals=tuple(equals), before=current.loss)
+    step = _settled(step, model, current, rows, least, of_form)
     if step.taken.refused:
         return options, step
     refitted, score = refined(step.taken, rows, taken=True)
@@ -225,6 +226,21 @@ def _late(
         return None
     together = _as_settled(options, model, current, rows)
     return choose(together, model, current, rows, least * current.loss, of_form)
+
+
+def _settled(
+    step: Step, model: Model, current: Score, rows: Rows, least: float, of_form: float
+) -> Step:
+    """Choose again of those that fit alike, with what is there settled beside each.
+
+    It was settled without them. (A stranger's load beside friction fitted no better than a gain.)
+    """
+    if not step.equals or not any(other.effect.nonlinear for other in model.effects):
+        return step
+    alike = sorted((step.taken, *step.equals), key=lambda option: -option.gain)
+    together = _as_settled(alike[:FOREMOST], model, current, rows)
+    again = choose(together, model, current, rows, least * current.loss, of_form)
+    return step if again is None else replace(again, options=step.options)
 
 
 def _as_settled(
