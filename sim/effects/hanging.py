@@ -15,7 +15,7 @@ def hanging(
     inertia: np.ndarray,
     damping: np.ndarray,
     stiffness: np.ndarray,
-    load: np.ndarray,
+    loads: np.ndarray,
     begins: np.ndarray,
     step: float,
 ) -> np.ndarray:
@@ -25,69 +25,87 @@ def hanging(
     however quick the springs (Franklin, Powell and Workman 1998, Digital Control of Dynamic
     Systems, section 6.3, triangle hold). All steps are one triangular system of equations.
 
+    Time comes last in all arrays: numpy is slow where the last dimension is short.
+
     Args:
-        inertia, damping, stiffness: M, D and K of every sample, (n, m, m); M and K can be inverted.
-        load: u, (n, m).
+        inertia, damping, stiffness: M, D and K of every sample, (m, m, n); M and K can be inverted.
+        loads: several u, (m, k, n).
         begins: the first samples of stretches, in which all begins anew.
         step: between samples, s.
 
     Returns:
-        Place, speed and acceleration of each, (n, 3, m, 1 + 2 m): under the load from where that
-        would hold all still, without a load from a place of 1 of each, then from a speed of 1.
+        Place and speed of each, (2, m, k + 2 m, n): under each load from where that would hold all
+        still, without a load from a place of 1 of each, then from a speed of 1.
     """
     # What computes assessments knows this module, and needs no SciPy.
     from scipy.linalg.lapack import dtbtrs
 
-    count, links = load.shape
+    links, several, count = loads.shape
     states = 2 * links
     # A row for each step, from one sample to the next; none goes from one stretch to another.
-    mass, drag, held = (0.5 * (x[:-1] + x[1:]) for x in (inertia, damping, stiffness))
+    mass, drag, held = (0.5 * (x[..., :-1] + x[..., 1:]) for x in (inertia, damping, stiffness))
     swing = _swing(mass, drag, held, step)
-    swing[begins[begins > 0] - 1] = 0.0
+    swing[..., begins[begins > 0] - 1] = 0.0
     # A row for each diagonal, the main one first.
     band = np.zeros((states * count, 2 * states))
     band[:, 0] = 1.0
     steps = band.reshape(count, states, 2 * states)[:-1]
     for row in range(states):
         for column in range(states):
-            np.negative(swing[:, row, column], out=steps[:, column, states + row - column])
-    given = np.empty((1 + states, count, states))
+            np.negative(swing[row, column], out=steps[:, column, states + row - column])
+    given = np.zeros((several + states, count, states))
+    begun = np.moveaxis(given, -1, 0)
     # Under a load that changes evenly all may go evenly, too.
-    rate = _solved(held, (load[1:] - load[:-1]) / step)
-    even = np.concatenate([_solved(held, load[:-1] - _times(drag, rate)), rate], axis=1)
-    given[0, 1:] = even - _times(swing, even)
-    given[0, 1:, :links] += rate * step
-    given[0, begins, :links] = _solved(stiffness[begins], load[begins])
-    given[0, begins, links:] = 0.0
-    given[1:] = 0.0
-    given[1:, begins] = np.eye(states)[:, None]
-    found, _ = dtbtrs(band.T, given.reshape(1 + states, -1).T, uplo="L", diag="U", overwrite_b=True)
-    moved = found.reshape(count, 2, links, 1 + states)
-    place, speed = moved[:, 0], moved[:, 1]
-    force = -(damping @ speed + stiffness @ place)
-    force[..., 0] += load
-    return np.concatenate([moved, _over(inertia, force)[:, None]], axis=1)
+    rate = over(held, (loads[..., 1:] - loads[..., :-1]) / step)
+    even = np.concatenate([over(held, loads[..., :-1] - times(drag, rate)), rate])
+    begun[:, :several, 1:] = even - times(swing, even)
+    begun[:links, :several, 1:] += rate * step
+    begun[:links, :several, begins] = over(stiffness[..., begins], loads[..., begins])
+    begun[links:, :several, begins] = 0.0
+    begun[:, several:, begins] = np.eye(states)[..., None]
+    dtbtrs(band.T, given.reshape(len(given), -1).T, uplo="L", diag="U", overwrite_b=True)
+    return np.ascontiguousarray(begun).reshape(2, links, several + states, count)
+
+
+def over(matrices: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return what each matrix, (m, m, n), turns into another, (m, k, n)."""
+    links = len(matrices)
+    if links == 1:
+        return np.asarray(others / matrices)
+    if links > 2:
+        solved = np.linalg.solve(np.moveaxis(matrices, -1, 0), np.moveaxis(others, -1, 0))
+        return np.asarray(np.moveaxis(solved, 0, -1))
+    # Cramer's rule: to solve each of thousands by itself takes three times as long.
+    (a, b), (c, d) = matrices
+    first, second = others
+    each = np.stack([d * first - b * second, a * second - c * first])
+    return np.asarray(each / (a * d - b * c))
+
+
+def times(matrices: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return each matrix, (m, m, n), times another, (m, k, n)."""
+    return np.asarray(np.einsum("ijn,jkn->ikn", matrices, others))
 
 
 def _swing(mass: np.ndarray, drag: np.ndarray, held: np.ndarray, step: float) -> np.ndarray:
-    """Return what a step makes of places and speeds of what nothing drives, (n, 2 m, 2 m)."""
-    links = mass.shape[-1]
-    decay, square = 0.5 * _over(mass, drag), _over(mass, held)
+    """Return what a step makes of places and speeds of what nothing drives, (2 m, 2 m, n)."""
+    links = len(mass)
+    decay, square = 0.5 * over(mass, drag), over(mass, held)
     if links == 1:
-        return _swing_of_one(decay[:, 0, 0], square[:, 0, 0], step)
+        return _swing_of_one(decay[0, 0], square[0, 0], step)
     # In steps instead of seconds, so that all is of one size.
-    rates = np.zeros((len(mass), 2 * links, 2 * links))
+    rates = np.zeros((mass.shape[-1], 2 * links, 2 * links))
     rates[:, :links, links:] = np.eye(links)
-    rates[:, links:, :links] = -(step**2) * square
-    rates[:, links:, links:] = -2.0 * step * decay
-    swing = _exponential(rates)
-    swing[:, :links, links:] *= step
-    swing[:, links:, :links] /= step
+    rates[:, links:, :links] = np.moveaxis(-(step**2) * square, -1, 0)
+    rates[:, links:, links:] = np.moveaxis(-2.0 * step * decay, -1, 0)
+    swing = np.moveaxis(_exponential(rates), 0, -1)
+    swing[:links, links:] *= step
+    swing[links:, :links] /= step
     return swing
 
 
 def _swing_of_one(decay: np.ndarray, square: np.ndarray, step: float) -> np.ndarray:
-    """Return the same of one link, (n, 2, 2), whose exponential is known, and much quicker.
+    """Return the same of one link, (2, 2, n), whose exponential is known, and much quicker.
 
     Args:
         decay: half of damping over inertia, 1/s, (n,).
@@ -105,10 +123,7 @@ def _swing_of_one(decay: np.ndarray, square: np.ndarray, step: float) -> np.ndar
         slow, quick = np.exp(angle - fall), np.exp(-(angle + fall))
         even[beyond] = 0.5 * (slow + quick)
         odd[beyond] = 0.5 * step * (slow - quick) / angle
-    swing = np.empty((len(decay), 2, 2))
-    swing[:, 0, 0], swing[:, 0, 1] = even + decay * odd, odd
-    swing[:, 1, 0], swing[:, 1, 1] = -square * odd, even - decay * odd
-    return swing
+    return np.array([[even + decay * odd, odd], [-square * odd, even - decay * odd]])
 
 
 def _exponential(matrices: np.ndarray) -> np.ndarray:
@@ -131,27 +146,3 @@ def _exponential(matrices: np.ndarray) -> np.ndarray:
     for _ in range(halvings):
         found = found @ found
     return np.asarray(found)
-
-
-def _over(matrices: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return what each matrix, (n, m, m), turns into another, (n, m, k)."""
-    links = matrices.shape[-1]
-    if links == 1:
-        return np.asarray(others / matrices)
-    if links > 2:
-        return np.asarray(np.linalg.solve(matrices, others))
-    # Cramer's rule: to solve each of thousands by itself takes three times as long.
-    (a, b), (c, d) = np.moveaxis(matrices, 0, -1)[..., None]
-    first, second = others[:, 0], others[:, 1]
-    each = [d * first - b * second, a * second - c * first]
-    return np.asarray(np.stack(each, axis=1) / (a * d - b * c)[:, None])
-
-
-def _solved(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Return what each matrix, (n, m, m), turns into its vector, (n, m)."""
-    return np.asarray(_over(matrices, vectors[..., None])[..., 0])
-
-
-def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Return each matrix, (n, m, m), times its vector, (n, m)."""
-    return np.asarray(np.einsum("nij,nj->ni", matrices, vectors))

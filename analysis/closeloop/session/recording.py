@@ -154,8 +154,8 @@ class Recording:
 
     def slope(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
         """Change of every torque with a joint's place, with bodies that differ, (n, joints)."""
-        secant = partial(self.secant, joint, WAYS["place"])
-        return self._tangents.whole("place", joint, changes, secant)
+        found = self._once(("slope", joint), partial(self.secant, joint, WAYS["place"]))
+        return self._tangents.whole("place", joint, changes, lambda: found)
 
     def drag(self, joint: int, changes: Mapping[int, np.ndarray] = NONE) -> np.ndarray:
         """Change of every torque with a joint's speed, as `slope`."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from sim.effects.effect import Columns, Effect, Limits, Theta
-from sim.effects.hanging import hanging
+from sim.effects.hanging import hanging, over, times
 from sim.effects.laws.abrupt import abrupt_starts, begun_calmly
 from sim.effects.motion import RecordedJoint, Spring
 from sim.effects.parameter import RELATIVE, Nonlinear, Parameter, named
@@ -193,52 +193,47 @@ def _parts(
         there: torque of springs that the estimate holds already, Nm or N, (n, joints).
     """
     recording, joints = joint.recording, list(thetas)
-    load = joint.estimate.carried - there
-    for number, theta in thetas.items():
-        load[:, number] -= taken_before(joint, number, theta)
+    # Time comes last in what follows, which is as `hanging` has it.
+    load = (joint.estimate.carried - there)[:, joints].T
+    for at, (number, theta) in enumerate(thetas.items()):
+        load[at] -= taken_before(joint, number, theta)
     shares = np.array([theta.get(BEHIND, 1.0) for theta in thetas.values()])
-    inertias = shares * np.stack([joint.inertia(n) for n in joints], axis=-1)
-    drags = shares * np.stack([joint.drag(n) for n in joints], axis=-1)
-    slopes = shares * np.stack([joint.slope(n) for n in joints], axis=-1)
-    inertia, damping, stiffness = (x[:, joints].copy() for x in (inertias, drags, slopes))
-    springs, own = np.empty((2, len(joints)))
-    for place, (number, theta) in enumerate(thetas.items()):
-        itself, share = (slice(None), place, place), float(shares[place])
-        inertia[itself] = share * inertia_behind(joint, number)
-        springs[place] = _spring(joint, number, theta)
-        own[place] = 2.0 * theta["damping_ratio"] * np.sqrt(springs[place] * inertia[itself].mean())
-        damping[itself] = damping_behind(joint, number, theta) + own[place]
+    inertias, drags, slopes = (
+        shares[:, None] * np.stack([of(number).T for number in joints], axis=1)
+        for of in (joint.inertia, joint.drag, joint.slope)
+    )
+    inertia, damping, stiffness = (x[joints] for x in (inertias, drags, slopes))
+    springs, own = np.empty((2, len(joints), 1, 1))
+    for at, (number, theta) in enumerate(thetas.items()):
+        inertia[at, at] = shares[at] * inertia_behind(joint, number)
+        springs[at] = spring = _spring(joint, number, theta)
+        own[at] = 2.0 * theta["damping_ratio"] * np.sqrt(spring * inertia[at, at].mean())
+        damping[at, at] = damping_behind(joint, number, theta) + own[at]
         stiff = stiffness_behind(joint, number, theta)
         # A first estimate may be such that nothing would hang on the spring stably.
-        least = -UPSIDE_DOWN * springs[place]
-        held = springs[place] + np.maximum(stiff, least)
+        least = -UPSIDE_DOWN * spring
+        held = spring + np.maximum(stiff, least)
         if number in joint.estimate.elastic:
-            stiff = stiff + _secant(joint, number, load[:, number], held)
-        stiffness[itself] = springs[place] + np.maximum(stiff, least)
+            stiff = stiff + _secant(joint, number, load[at], held)
+        stiffness[at, at] = spring + np.maximum(stiff, least)
     begins = np.array([piece.start for piece in recording.slices])
-
-    def hung(load: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        ways = hanging(inertia, damping, stiffness, load, begins, 1.0 / recording.rate)
-        felt = springs[:, None] * ways[:, 0] + own[:, None] * ways[:, 1]
-        felt[..., 0] -= load
-        return ways, felt, *_swings(joint, joints, felt, there[:, joints])
-
-    ways, felt, swings, left = hung(load[:, joints])
-    if abrupt := abrupt_starts(load[:, joints], recording):
-        calm = hung(begun_calmly(load[:, joints], recording))
-        for number in abrupt:
-            if calm[3][number] < left[number]:
-                piece = recording.slices[number]
-                for one, other in zip((ways, felt, swings), calm[:3], strict=True):
-                    one[piece] = other[piece]
-    place, speed, twice = np.moveaxis(np.einsum("nkmw,nw->nkm", ways, swings)[:, :, None], 1, 0)
-    parts = -(inertias * twice + drags * speed + slopes * place)
-    whole = np.einsum("nmw,nw->nm", felt, swings)
+    loads, abrupt = load[:, None], abrupt_starts(load, recording)
+    if abrupt:
+        loads = np.stack([load, begun_calmly(load, recording)], axis=1)
+    ways = hanging(inertia, damping, stiffness, loads, begins, 1.0 / recording.rate)
+    felt = springs * ways[0] + own * ways[1]
+    felt[:, : loads.shape[1]] -= loads + there[:, joints].T[:, None]
+    size = _swings(joint, joints, felt, abrupt)
+    place, speed = np.einsum("wn,kmwn->kmn", size, ways)[:, :, None]
+    load = np.einsum("wn,mwn->mn", size[: loads.shape[1]], loads)[:, None]
+    twice = over(inertia, load - times(damping, speed) - times(stiffness, place))
+    parts = -(inertias * twice[:, 0] + drags * speed[:, 0] + slopes * place[:, 0])
+    whole = (springs * place + own * speed - load)[:, 0]
     for at, number in enumerate(joints):
         # What the others' being elsewhere takes of it is theirs.
         others = [other for other in range(len(joints)) if other != at]
-        parts[:, number, at] = whole[:, at] - parts[:, number, others].sum(axis=1)
-    return {number: parts[..., at] for at, number in enumerate(joints)}
+        parts[number, at] = whole[at] - parts[number, others].sum(axis=0)
+    return {number: parts[:, at].T for at, number in enumerate(joints)}
 
 
 def _secant(
@@ -267,51 +262,74 @@ def _secant(
 
 
 def _swings(
-    joint: RecordedJoint, joints: list[int], felt: np.ndarray, there: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return how much of each way to move is there, (n, ways): 1, and what each piece began with.
-
-    And the squares of what is left with it in each piece, over those of what was before, (pieces,).
+    joint: RecordedJoint, joints: list[int], felt: np.ndarray, abrupt: Sequence[int]
+) -> np.ndarray:
+    """Return how much of each way to move is there, (ways, n): 1, and what each piece began with.
 
     Args:
         joint: one of those that hang on springs.
         joints: all of those.
-        felt: their torque for each way to move, Nm or N, (n, joints, ways).
-        there: torque of springs that the estimate holds already, Nm or N, (n, joints).
+        felt: what each way to move adds to their torque, Nm or N, (joints, ways, n).
+        abrupt: pieces in which the second load is, instead of the first, if less is left with it.
     """
-    recording = joint.recording
-    size = np.zeros((len(felt), felt.shape[2]))
-    size[:, 0] = 1.0
-    before = joint.estimate.residual[:, joints]
-    left = before + recording.filtered(there - felt[..., 0])
-    good = np.isfinite(left) & recording.usable[:, None]
+    recording, loads = joint.recording, felt.shape[1] - 2 * len(joints)
+    passed = np.moveaxis(recording.filtered(np.moveaxis(felt, -1, 0)), 0, -1)
+    before = joint.estimate.residual[:, joints].T
+    left = before[:, None] - passed[:, :loads]
+    good = np.isfinite(left).all(axis=1) & recording.usable
     if recording.disturbed is not None:
-        good &= ~recording.disturbed[:, joints]
+        good &= ~recording.disturbed[:, joints].T
+    left = np.where(good[:, None], left, 0.0)
     # Joints are weighed by what is left of them.
-    mean = np.maximum(np.sqrt(np.mean(left**2, axis=0, where=good)), 1e-300)
-    scale = mean / np.maximum(np.sqrt(np.mean(before**2, axis=0, where=good)), 1e-300)
-    weight = good / mean
-    left = np.where(good, left, 0.0) * weight
-    pieces = recording.slices
-    within = [slice(piece.start + recording.edge, piece.stop - recording.edge) for piece in pieces]
+    mean, usual = _rms(left, good[:, None]), _rms(before[:, None], good[:, None])
+    pieces, edge = recording.slices, recording.edge
+    within = [slice(piece.start + edge, max(piece.stop - edge, 0)) for piece in pieces]
+    shows = np.zeros(good.shape)
+    for own in within:
+        shows[:, own] = good[:, own]
 
-    def seen(ways: np.ndarray, where: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
-        each = [np.einsum("nm,nmw,nmw->w", where[own], ways[own], ways[own]) for own in parts]
-        return np.array(each)
+    def by_piece(each: np.ndarray) -> np.ndarray:
+        starts = [piece.start for piece in pieces]
+        return np.asarray(np.add.reduceat(each, starts, axis=-1).sum(axis=0))
 
     # What faded where samples were lost no sample shows: it came out as any size. (A stranger's.)
-    begun = felt[..., 1:]
-    least = FADED**2 * seen(begun, np.ones(good.shape), pieces)
-    shown = seen(begun, good.astype(float), within) > least
-    smooth = recording.filtered(begun) if np.any(shown) else np.zeros_like(begun)
-    shown &= seen(smooth, good.astype(float), within) > least
-    for piece, inside, own in zip(pieces, within, shown, strict=True):
-        if np.count_nonzero(good[inside]) > np.count_nonzero(own) > 0:
-            ways = (smooth[inside][..., own] * weight[inside, :, None]).reshape(-1, own.sum())
-            found = np.linalg.lstsq(ways, left[inside].reshape(-1), rcond=1e-6)[0]
-            size[piece, 1 + np.flatnonzero(own)] = found
-            left[inside] -= (ways @ found).reshape(left[inside].shape)
-    return size, np.array([float(np.sum((left[own] * scale) ** 2)) for own in within])
+    squares, smooth = felt[:, loads:] ** 2, passed[:, loads:] * shows[:, None]
+    seen = np.minimum(by_piece(squares * shows[:, None]), by_piece(smooth**2))
+    shown = seen > FADED**2 * by_piece(squares)
+    shown &= by_piece(shows) > np.count_nonzero(shown, axis=0)
+    size = np.zeros(felt.shape[1:])
+    for number, (piece, own) in enumerate(zip(pieces, within, strict=True)):
+        which = np.flatnonzero(shown[:, number])
+        ways, load = smooth[:, which, own], 0
+        found = _began(ways, left[:, 0, own], mean[:, 0])
+        if number in abrupt:
+            other = _began(ways, left[:, 1, own], mean[:, 1])
+            rest = left[:, :, own] - np.einsum("mwn,wk->mkn", ways, np.transpose([found, other]))
+            first, second = np.sum((rest / usual) ** 2, axis=(0, 2))
+            if second < first:
+                load, found = 1, other
+        size[load, piece] = 1.0
+        size[loads + which, piece] = found[:, None]
+    return size
+
+
+def _rms(signals: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """Return the root mean squares, (m, k, 1) and not 0, of the `good` of signals, (m, k, n)."""
+    squares = np.where(good, signals, 0.0) ** 2
+    count = np.maximum(np.count_nonzero(good, axis=-1, keepdims=True), 1)
+    return np.asarray(np.maximum(np.sqrt(squares.sum(axis=-1, keepdims=True) / count), 1e-300))
+
+
+def _began(ways: np.ndarray, left: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    """Return how much of each way to move, (w,), is in what is left.
+
+    Args:
+        ways: torque of each joint for each, Nm or N, (m, w, n).
+        left: of each joint, Nm or N, (m, n).
+        mean: by what each is weighed, (m, 1).
+    """
+    rows = (ways / mean[:, None]).swapaxes(0, 1).reshape(ways.shape[1], left.size)
+    return np.asarray(np.linalg.lstsq(rows.T, (left / mean).ravel(), rcond=1e-6)[0])
 
 
 def _spring(joint: RecordedJoint, number: int, theta: Theta) -> float:
