@@ -31,9 +31,10 @@ def keep_independent(
 ) -> tuple[np.ndarray, tuple[int, ...]]:
     """Drop the columns of which the base and the columns before them leave less than a share."""
     both = np.concatenate([base, columns], axis=1)
-    norms = np.sqrt((both**2).sum(axis=0))
-    scaled = both / np.maximum(norms, 1e-300)
-    gram = scaled.T @ scaled
+    gram = both.T @ both
+    norms = np.sqrt(np.diagonal(gram))
+    scale = np.maximum(norms, 1e-300)
+    gram = gram / scale / scale[:, None]
     factor = np.zeros_like(gram)
     known: list[int] = []
     kept: list[int] = []
