@@ -285,7 +285,8 @@ def shifted(signal: np.ndarray, seconds: float, rate: float) -> np.ndarray:
     at = np.clip(np.arange(n) + seconds * rate, 0, n - 1)
     low = np.minimum(at.astype(int), n - 2)
     part = (at - low).reshape(-1, *([1] * (signal.ndim - 1)))
-    return np.asarray(signal[low] * (1 - part) + signal[low + 1] * part)
+    # Half the time of an index in brackets.
+    return np.asarray(signal.take(low, axis=0) * (1 - part) + signal.take(low + 1, axis=0) * part)
 
 
 def lagged(signal: np.ndarray, time_constant: float, rate: float) -> np.ndarray:
