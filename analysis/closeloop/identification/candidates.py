@@ -21,19 +21,18 @@ from analysis.closeloop.identification.balance.regression import (
     Variant,
     compare,
     score,
-    takes_all,
 )
 from analysis.closeloop.identification.balance.searched import searched
 from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.findings import Option
 from analysis.closeloop.identification.nameable import (
-    ONE_WAY,
     beyond_physics,
     corrects,
     drives,
     lowest,
     one_way,
     refusal,
+    refused_yet,
 )
 from analysis.closeloop.identification.springs import (
     ELASTIC,
@@ -130,12 +129,8 @@ def _sharpened(options: list[Option], rows: Rows, current: Score) -> list[Option
             model, scored = refined(option, rows)
             gain, error = compare(current.losses, scored.losses)
             if gain > option.gain:
-                # What takes nearly all is seen, however much of it something else imitates.
-                seen = option.refused != ONE_WAY and takes_all(current.losses, scored.losses)
-                refused = "" if seen else option.refused
-                option = replace(
-                    option, model=model, score=scored, gain=gain, z=gain / error, refused=refused
-                )
+                option = replace(option, model=model, score=scored, gain=gain, z=gain / error)
+                option = replace(option, refused=refused_yet(option.refused, current, scored))
         sharp.append(option)
     physical = [o for o in sharp if not beyond_physics(o.model, o.score, o.candidate)]
     return sorted(physical, key=lambda option: -option.gain)

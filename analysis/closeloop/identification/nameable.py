@@ -72,6 +72,19 @@ def moves_one_way(rows: Rows) -> bool:
     return all(one_way(rows, joint) for joint in rows.samples)
 
 
+def refused_yet(why: str, current: Score, scored: Score) -> str:
+    """Return why an effect may not be named once it is refined; empty if nothing speaks against it.
+
+    What takes nearly all is seen, however much of it something else imitates.
+
+    Args:
+        why: why it might not be before (`refusal`).
+        current: the score without it.
+        scored: the score with it.
+    """
+    return "" if why != ONE_WAY and takes_all(current.losses, scored.losses) else why
+
+
 def beyond_physics(model: Model, scored: Score, candidate: Candidate) -> str:
     """Return the parameter of a fitted effect that none such can have; empty if all can be."""
     own: dict[int, float] = {}

@@ -32,7 +32,7 @@ from analysis.closeloop.identification.candidates import (
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.growing.freed import freed, held
 from analysis.closeloop.identification.growing.shaken import only_answers, shaken
-from analysis.closeloop.identification.nameable import beyond_physics
+from analysis.closeloop.identification.nameable import beyond_physics, refused_yet
 from analysis.closeloop.identification.octaves import differs_elsewhere
 from analysis.closeloop.identification.presliding import only_presliding
 from analysis.closeloop.identification.selection import (
@@ -251,7 +251,8 @@ def _as_settled(
     for option in _as_held(options, model, current, rows):
         own, score = settled_beside(option.model, rows, option.candidate)
         gain, error = compare(current.losses, score.losses)
-        found.append(replace(option, model=own, score=score, gain=gain, z=gain / error))
+        option = replace(option, model=own, score=score, gain=gain, z=gain / error)
+        found.append(replace(option, refused=refused_yet(option.refused, current, score)))
     return sorted(found, key=lambda option: -option.gain)
 
 

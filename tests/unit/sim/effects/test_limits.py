@@ -20,6 +20,8 @@ NONSENSE: list[tuple[str, dict[str, float], tuple[float, ...], str]] = [
     ("payload", {"distance": 30.0}, (0.4,), "distance"),
     ("payload", {"distance": 1.0}, (-1.9,), "mass"),
     ("payload", {"distance": 1.0, "aside": -30.0}, (0.4,), "aside"),
+    # As far beside the line as it is looked for: a search that ends there found no place.
+    ("payload", {"distance": 1.0, "aside": -1.0}, (0.4,), "aside"),
     ("drift", {"level_off": -0.1}, (0.1, 0.0), "time_constant"),
     ("actuator_lag", {"time_constant": -0.013}, (), "time_constant"),
     ("actuator_lag", {"time_constant": -0.077}, (), "time_constant"),
