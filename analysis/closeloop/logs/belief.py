@@ -27,6 +27,12 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     ),
     "current": ("current", "currents", "curr", "i", "amp", "amps", "strom"),
 }
+#: Words that say how often a quantity was derived by time: `q1_dot`, `theta_ddot`.
+DOTS: Mapping[str, int] = {"dot": 1, "ddot": 2, "dotdot": 2}
+#: Words that may stand beside a position's for another thing: single letters, and `curr_q1`.
+WEAK = ("i", "v", "curr", "amp", "amps")
+#: Words of an effort that is not all of the joint's: something was taken off, or it was that.
+COMPENSATED = ("compensate", "compensated", "compensation")
 #: What is of now, where `current` stands before it.
 OF_NOW = {
     *(word for quantity in ("position", "velocity", "acceleration") for word in WORDS[quantity]),
@@ -74,6 +80,7 @@ BY_NAME, BY_UNIT = "by its name", "by its unit"
 OF_A_TOOL = "of a tool, not of a joint"
 A_CONSTANT = "a constant of a motor or a controller, not a signal of a joint"
 AN_ERROR = "what a controller has left to do, not what was measured"
+NOT_ALL = "by its name, which says that something is compensated: it may be a part of the effort"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,6 +187,19 @@ def desired(beliefs: Sequence[Belief]) -> list[Belief]:
     return found
 
 
+def without_parts_of_efforts(beliefs: Sequence[Belief]) -> list[Belief]:
+    """Return beliefs in which a compensated effort is none if its joint has another, too."""
+    whole = {
+        b.stem for b in beliefs if b.quantity == "effort" and not b.wanted and b.why != NOT_ALL
+    }
+    return [
+        replace(belief, quantity="unknown", stem="")
+        if belief.why == NOT_ALL and belief.stem in whole
+        else belief
+        for belief in beliefs
+    ]
+
+
 def without_words_of_quantities(beliefs: Sequence[Belief]) -> list[Belief]:
     """Return beliefs told by their unit with the word for the quantity left out of the stem.
 
@@ -213,7 +233,7 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
     rest, unit, sure = split_unit(name)
     rest, other = split_other_unit(rest) if unit is None else (rest, None)
     words = words_of(rest)
-    named = next((q for q, names in WORDS.items() if any(w in names for w in words)), None)
+    named, beside = _quantity(rest, words)
     of_unit = UNITS[unit].quantity if unit else ""
     why = BY_NAME
     # Many write `speed_deg` for deg/s.
@@ -233,13 +253,38 @@ def _said(channel: Channel) -> tuple[str, str, str, str]:
         return "unknown", other or unit or "?", "", A_CONSTANT
     if not named:
         return "unknown", channel.unit or unit or "?", "", ""
-    spare = {*WORDS[named], *WANTED, *SPARE}
+    spare = {*WORDS[named], *WANTED, *SPARE, *beside}
     stem = "_".join(word for word in words_of(rest) if word not in spare)
     # What a torque was made of is no part of its joint's name.
     stem = stem.partition("_from_")[0]
+    if why == BY_NAME and named == "effort" and {*words} & {*COMPENSATED}:
+        why = NOT_ALL
     if not unit and name != whole:
         unit = STATE_UNITS.get(named)
     return named, channel.unit or unit or "?", stem, why
+
+
+def _quantity(name: str, words: Sequence[str]) -> tuple[str | None, Collection[str]]:
+    """Return the quantity that a name has a word for, None if none, and words that go with it.
+
+    Those of a torque or a rate stand before the joint's own: `tau_q1` is no position.
+    """
+    found = next((q for q, names in WORDS.items() if any(w in names for w in words)), None)
+    # A topic may be called after a controller, as of velocities, and have positions.
+    own = words_of(re.split(r"[/.]", name)[-1])
+    if found == "position":
+        strong = [q for q in (*CHAIN[1:], "effort", "current") if _has(own, q)]
+        if strong:
+            return strong[0], {*WORDS["position"], "j", *DOTS, *COMPENSATED}
+    dots = max((DOTS.get(word, 0) for word in own), default=0)
+    if dots and found in CHAIN:
+        place = CHAIN.index(found) + dots
+        return (CHAIN[place] if place < len(CHAIN) else None), {*WORDS[found], *DOTS}
+    return found, COMPENSATED if found == "effort" else ()
+
+
+def _has(words: Collection[str], quantity: str) -> bool:
+    return any(word in WORDS[quantity] and word not in WEAK for word in words)
 
 
 def is_nameless(channel: Channel) -> bool:

@@ -19,6 +19,7 @@ from analysis.closeloop.logs.belief import (
     by_name,
     desired,
     held,
+    without_parts_of_efforts,
     without_words_of_quantities,
 )
 from analysis.closeloop.logs.clock import find_clock, set_rate
@@ -47,7 +48,7 @@ def believe(log: Log, rate_hz: float | None = None, known: Collection[str] = ())
         rate_hz: at which channels without a clock were recorded, if that is known.
         known: names of the model's joints.
     """
-    named = desired([by_name(channel) for channel in log.channels])
+    named = without_parts_of_efforts(desired([by_name(channel) for channel in log.channels]))
     beliefs = as_positions(without_words_of_quantities(without_tools(named)), known)
     beliefs = numbered_as_positions(beliefs)
     groups: dict[object, list[int]] = {}
