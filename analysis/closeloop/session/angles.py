@@ -157,6 +157,7 @@ def check_velocity(trial: Trial, joint: str, position: np.ndarray, velocity: np.
     else:
         why = (
             f"is {gain:.3g} times the slope of {joint}.position: if both are in one unit, samples "
-            f"are {step / gain:.3g} s apart and not {step:.3g} s; look at the clock"
+            f"are {step / gain:.3g} s apart and not {step:.3g} s; the velocity's scale or the "
+            "clock is wrong"
         )
     raise fault(trial, why, column, row)

@@ -252,10 +252,12 @@ def _check_jumps(trial: Trial, joint: str, position: np.ndarray) -> None:
     jumps = (np.abs(speed) > fastest) & (np.minimum(change[:-1], change[1:]) > fastest)
     if jumps.any() and np.mean(jumps) <= MAX_SPEED_SHARE:
         row = int(np.argmax(jumps)) + 1
+        count = int(jumps.sum())
+        which = "the only one" if count == 1 else f"the first of {count}"
         why = (
             f"jumps from {position[row - 1]:.4g} to {position[row]:.4g} rad from one sample to the "
-            f"next, at {abs(speed[row - 1]):.3g} rad/s, which it does nowhere else; remove the "
-            "damaged rows (a gap is allowed)"
+            f"next, at {abs(speed[row - 1]):.3g} rad/s: {which} among {len(jumps)} steps that "
+            "is so fast between slower ones; remove the damaged rows (a gap is allowed)"
         )
         raise fault(trial, why, f"{joint}.position", row)
 

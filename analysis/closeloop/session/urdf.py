@@ -43,8 +43,9 @@ def prepare(root: ElementTree.Element, name: str) -> tuple[str, ...]:
         What is taken otherwise than the file has it, in sentences.
 
     Raises:
-        SessionError: a moment of inertia is missing, or below zero.
+        SessionError: a moment of inertia is missing, or below zero, or a joint's link is not there.
     """
+    _check_links(root, name)
     mended, mimics, repeating = [], [], []
     for part in [*root]:
         if part.tag not in ("link", "joint"):
@@ -68,6 +69,24 @@ def prepare(root: ElementTree.Element, name: str) -> tuple[str, ...]:
         "ROS, and the others are not read": repeating,
     }
     return tuple(text.format(listed(names)) for text, names in said.items() if names)
+
+
+def _check_links(root: ElementTree.Element, name: str) -> None:
+    """Refuse a joint between links that the file does not have; some readers add `world`.
+
+    Raises:
+        SessionError: names link and joint, and says what to add.
+    """
+    links = {link.get("name") for link in root.findall("link")}
+    for joint in root.findall("joint"):
+        for side in ("parent", "child"):
+            of_joint = f"joint {joint.get('name', '')[:60]!r}"
+            if (found := joint.find(side)) is None:
+                raise SessionError(f'{of_joint} lacks a <{side} link="..."/>', file=name)
+            link = found.get("link", "")[:60]
+            if found.get("link") not in links:
+                why = f"{of_joint} has the {side} link {link!r}, which the file does not declare"
+                raise SessionError(f'{why}: mend the name, or add <link name="{link}"/>', file=name)
 
 
 def _without_repeated(part: ElementTree.Element) -> bool:

@@ -199,7 +199,14 @@ def test_a_damaged_cell_of_a_fast_motor_is_still_found(folder: Folder) -> None:
     fast_motor(folder, declared=True)
     folder.table[500, 1] += 3.0
     error = refusal(folder)
-    assert error.line == 502 and "does nowhere else; remove the damaged rows" in str(error)
+    assert error.line == 502 and "remove the damaged rows" in str(error)
+
+
+def test_of_many_damaged_cells_it_is_said_how_often_it_jumps(folder: Folder) -> None:
+    """A stranger's trial had dozens of them, and each was one "which it does nowhere else"."""
+    fast_motor(folder, declared=True)
+    folder.table[[500, 700, 900], 1] += 3.0
+    assert "the first of 6 among" in str(refusal(folder))
 
 
 @pytest.mark.parametrize("times", [0.05, 0.5, 2.0, 20.0])
@@ -212,6 +219,7 @@ def test_a_clock_that_makes_another_speed_than_the_velocity_is_refused(
     error = refusal(folder)
     assert "clock" in str(error) and "degrees" not in str(error)
     assert f"samples are {step:.3g} s apart" in str(error)
+    assert "the velocity's scale or the clock is wrong" in str(error)
 
 
 def test_a_velocity_in_degrees_is_refused(folder: Folder) -> None:

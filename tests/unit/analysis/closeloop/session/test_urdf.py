@@ -104,3 +104,25 @@ def test_of_two_origins_the_first_counts_and_the_joint_is_told() -> None:
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     tip = spec.compile().body("tip")
     assert list(tip.pos) == [0.0, 0.0, 1.0] and tip.mass == pytest.approx(0.2)
+
+
+def test_a_joint_whose_link_is_not_declared_is_named_with_what_to_add() -> None:
+    """A stranger's `world` was a "child missing Element 'joint'"."""
+    root = arm(link(1.0, 1.0, 1.0))
+    first = root.find("joint[@name='first']/parent")
+    assert first is not None
+    first.set("link", "world")
+    with pytest.raises(SessionError) as caught:
+        prepare(root, "arm.urdf")
+    said = str(caught.value)
+    assert "joint 'first' has the parent link 'world', which the file does not declare" in said
+    assert 'add <link name="world"/>' in said
+
+
+def test_a_joint_without_a_child_is_named() -> None:
+    root = arm(link(1.0, 1.0, 1.0))
+    joint = root.find("joint[@name='second']")
+    assert joint is not None
+    joint.remove(joint.findall("child")[0])
+    with pytest.raises(SessionError, match="joint 'second' lacks a <child link="):
+        prepare(root, "arm.urdf")
