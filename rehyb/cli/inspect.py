@@ -49,6 +49,7 @@ def inspect(
     """
     from analysis.closeloop.errors import SessionError
     from analysis.closeloop.logs.assignment import AS_SAID, assigned, of_factors
+    from analysis.closeloop.logs.blocks import of_either
     from analysis.closeloop.logs.draft import of_currents, of_magnitudes, write_session
     from analysis.closeloop.logs.inspection import (
         believe,
@@ -82,7 +83,9 @@ def inspect(
             left += of_other_joints([joints[number] for number in there], known)
             left += of_parted_joints(beliefs, joints) + of_magnitudes(beliefs)
             left += of_variants(beliefs) + of_followed(beliefs)
-            left += of_no_joint(beliefs) + of_hertz(beliefs) + of_turns(beliefs)
+            left += (
+                of_no_joint(beliefs) + of_either(beliefs) + of_hertz(beliefs) + of_turns(beliefs)
+            )
             left += of_factors(believed, said or ())
             if not any(b.why == AS_SAID and b.joint is not None for b in beliefs):
                 left += of_only_joint(beliefs, known) + of_order(beliefs, known)

@@ -130,6 +130,21 @@ def find_rate(beliefs: list[Belief], group: list[int]) -> None:
     set_rate(beliefs, group, rate)
 
 
+def slopes_beside(one: Channel, other: Channel) -> tuple[float, float]:
+    """Return how alike the slope of a signal and another are, and how many times it that is.
+
+    Both 0 where too few samples are known of either.
+    """
+    if one.time is None or len(one.values) != len(other.values):
+        return 0.0, 0.0
+    part = _longest(one.time, one)
+    pair = [one.values[part], other.values[part]]
+    if min(np.sum(np.isfinite(values)) for values in pair) < FEWEST:
+        return 0.0, 0.0
+    alike, factor = _compared(one.time[part], pair)
+    return float(alike[0, 1]), float(factor[0, 1])
+
+
 def _longest(time: Numbers, channel: Channel) -> slice:
     """Return the samples that are compared: the longest trial, or part of one clock, of a log."""
     parts = stretches(time, [at for _, at in channel.trials])

@@ -12,8 +12,6 @@ from math import pi
 import numpy as np
 
 from analysis.closeloop.logs.belief import (
-    BY_NAME,
-    BY_UNIT,
     SIGNALS,
     Belief,
     by_name,
@@ -22,6 +20,7 @@ from analysis.closeloop.logs.belief import (
     without_parts_of_efforts,
     without_words_of_quantities,
 )
+from analysis.closeloop.logs.blocks import find_blocks
 from analysis.closeloop.logs.clock import find_clock, set_rate
 from analysis.closeloop.logs.derivatives import FEWEST, find_derivatives, find_rate
 from analysis.closeloop.logs.joints import as_positions, numbered_as_positions
@@ -67,7 +66,7 @@ def believe(log: Log, rate_hz: float | None = None, known: Collection[str] = ())
         elif beliefs[group[0]].channel.time is None:
             set_rate(beliefs, group, rate_hz)
         find_derivatives(beliefs, group)
-    _find_blocks(beliefs)
+    find_blocks(beliefs)
     beliefs = [held(belief) for belief in beliefs]
     _find_units(beliefs)
     without_forms(beliefs)
@@ -218,39 +217,3 @@ def _count_alike(beliefs: list[Belief]) -> None:
             stem = f"{before}_{group[at] + first - own}".lstrip("_")
             why = f"{beliefs[at].why}; counts from {own}, positions from {first}"
             beliefs[at] = replace(beliefs[at], stem=stem, why=why)
-
-
-def _find_blocks(beliefs: list[Belief]) -> None:
-    """In a log without words, read the joints that hardly move, and the efforts, off the layout.
-
-    Such logs hold all positions, then all velocities, then torques or currents, joint by joint: the
-    distance between a position and its velocity is the number of joints.
-    """
-    if any(b.why in (BY_NAME, BY_UNIT) for b in beliefs):
-        return
-    position = [at for at, b in enumerate(beliefs) if b.quantity == "position"]
-    velocity = [at for at, b in enumerate(beliefs) if b.quantity == "velocity"]
-    distances = {at - (beliefs[at].source or 0) for at in velocity}
-    if len(position) != len(velocity) or len(distances) != 1 or (joints := distances.pop()) < 1:
-        return
-    if any(b.quantity == "acceleration" for b in beliefs):
-        return
-    clocks = [at for at, b in enumerate(beliefs) if b.quantity == "time" and at < position[0]]
-    start = clocks[-1] + 1 if clocks else 0
-    if position[-1] - start >= joints:
-        start = position[0]
-    unit = beliefs[position[0]].unit
-    for quantity, offset, own in (
-        ("position", 0, unit),
-        ("velocity", joints, beliefs[velocity[0]].unit),
-        ("effort", 2 * joints, "?"),
-    ):
-        for at in range(start + offset, min(start + offset + joints, len(beliefs))):
-            if beliefs[at].quantity in ("unknown", "constant"):
-                what = "torque or current" if quantity == "effort" else quantity
-                beliefs[at] = replace(
-                    beliefs[at],
-                    quantity=quantity,
-                    unit=own,
-                    why=f"stands where the {what} of joint {at - start - offset + 1} should",
-                )

@@ -198,7 +198,7 @@ def test_names_of_joints_go_before_the_order_of_columns() -> None:
 
 
 @pytest.mark.parametrize("shape", ["rich", "one sine"])
-def test_an_acceleration_is_no_effort_and_no_velocity(shape: str) -> None:
+def test_an_acceleration_is_no_velocity_and_what_stands_behind_it_is_the_effort(shape: str) -> None:
     t = np.arange(0.0, 8.0, 0.005)
     w = np.array([1.0, 2.3]) if shape == "rich" else np.array([1.0])
     q, v, a = (
@@ -207,7 +207,7 @@ def test_an_acceleration_is_no_effort_and_no_velocity(shape: str) -> None:
     )
     found = believed(a=t, b=q, c=v, d=a, e=0.3 * q + np.sign(v))
     assert [b.quantity for b in found.values()] == [
-        *("time", "position", "velocity", "acceleration", "unknown")
+        *("time", "position", "velocity", "acceleration", "effort")
     ]
 
 
