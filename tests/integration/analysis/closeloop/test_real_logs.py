@@ -131,7 +131,7 @@ def test_a_copied_sample_and_an_empty_cell_are_left_out_and_said(tmp_path: Path)
     recording = load_session(written(tmp_path / "a", table, text=text))
     assert repairs(recording) == (
         "1 sample with an empty cell was left out",
-        "1 samples that repeat the one before were left out",
+        "1 sample that repeats the one before was left out",
     )
     assert len(recording.session.trials[0].time) == len(table) - 2
 
