@@ -158,7 +158,8 @@ def _toml(folder: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > MAX_TOML_BYTES:
             raise ModelError(f"is larger than {MAX_TOML_BYTES // 1000} kB")
-        text = path.read_text(encoding="utf-8")
+        # Some editors begin a file with a byte-order mark.
+        text = path.read_text(encoding="utf-8-sig")
         if any(len(line) > MAX_LINE for line in text.splitlines()):
             raise ModelError(f"has a line of more than {MAX_LINE} characters")
         return tomllib.loads(text)

@@ -103,6 +103,9 @@ def read_head(file: str, start: bytes) -> CsvHead:
     if above is None:
         raise GivenError("it has no table", file=file)
     lines = [line for line in every[above:] if line.strip()]
+    most = csv.field_size_limit()
+    if long := next((n for n, line in enumerate(every, 1) if len(line) > most), 0):
+        _refuse_cell(file, every[long - 1], long, most)
     separator = said[1] if said else _separator(lines)
     first, header_lines = _first_record(lines, separator)
     # A name of a column may be a year, but not all of them.
@@ -154,6 +157,16 @@ def _commented(above: Sequence[str], separator: str, first: Sequence[str]) -> li
     bare = [cell.strip() for cell in cells]
     named = len(bare) == len(first) > 1 and all(bare)
     return bare if named and not any(map(is_number, bare)) else None
+
+
+def _refuse_cell(file: str, line: str, number: int, most: int) -> None:
+    """Raise a GivenError of a line with a cell of which no reader makes one."""
+    if max(map(len, re.split(r"[,;|\t]", line))) > most:
+        raise GivenError(
+            f"line {number} has a cell of more than {most} characters: a number has fewer",
+            file=file,
+            line=number,
+        )
 
 
 def _decoded(start: bytes) -> tuple[str, str]:

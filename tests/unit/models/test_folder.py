@@ -31,6 +31,13 @@ def test_another_file_beside_it_is_another_version_and_a_cache_is_none(tmp_path:
     assert read_folder(folder).description.digest != before
 
 
+def test_a_byte_order_mark_is_no_part_of_it(tmp_path: Path) -> None:
+    folder = edited("pendulum", tmp_path)
+    path = folder / "model.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert read_folder(folder).description.factors
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -306,6 +306,14 @@ def test_a_header_longer_than_16_mb_is_refused_by_that(tmp_path: Path) -> None:
         read_sheet(path)
 
 
+def test_a_cell_without_end_is_refused_by_its_line(tmp_path: Path) -> None:
+    """It was a parser's own words, of a limit that nobody knows."""
+    path = tmp_path / "cell.csv"
+    path.write_text(f"a,b,y\n{'1' * 500_000},2,3\n")
+    with pytest.raises(GivenError, match="line 2 has a cell of more than 131072 characters"):
+        read_sheet(path)
+
+
 def test_a_column_that_is_left_out_costs_no_rows(tmp_path: Path) -> None:
     """`valid` was 1 or empty: a hundred of 200 rows went for it before it did."""
     rng = np.random.default_rng(1)
