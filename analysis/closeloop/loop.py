@@ -138,7 +138,8 @@ def _events(found: Trace, recording: Recording) -> tuple[Standing, tuple[Carried
     loads = unnamed_loads(known)
     # What a load takes is no push, and a push beside it is not seen before the load is known.
     carrying = {load.trial for load in loads if not load.fitted}
-    every = standing_out(known.model, recording)
+    # Beside an effect that cannot be told for sure, too: that is where pushes have to be known.
+    every = standing_out(known.fit_of_steps[0], recording)
     told = tuple(event for event in every.told if event.trial not in carrying)
     return replace(every, told=told), loads
 

@@ -1,7 +1,8 @@
 """Names that do not hold: of a size that may be none, or of one size here and another there."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,11 @@ from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.octaves import differs_elsewhere
+from analysis.closeloop.identification.parameters import (
+    parameters_of,
+    part_of,
+    spans_nonsense,
+)
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from sim.effects.laws.inertia import LEAST_LOAD
 
@@ -137,6 +143,44 @@ def _least_sure(grown: Grown, rows: Rows) -> Step | None:
             sure[step.key] = min(sure[step.key], found)
     least = min(own, key=lambda step: sure[step.key])
     return least if sure[least.key] <= 1.0 else None
+
+
+def sized(grown: Grown, rows: Rows) -> tuple[Grown, tuple[str, ...]]:
+    """Take out effects of which a size may be far beyond what is possible, and none other is sure.
+
+    They answered something else: a softening that takes more than the whole stiffness beside seven
+    pushes that nobody gave, where a stranger's limb met a bump. Arguments and result are those of
+    `held_in_octaves`.
+    """
+    return _without(grown, rows, lambda grown: _unsized(grown, rows), "its size may be any")
+
+
+def _unsized(grown: Grown, rows: Rows) -> Step | None:
+    """Return the last step whose effect has a size that says nothing, and none that is sure."""
+    own = [step for step in grown.steps if not _shared(step)]
+    if not own:
+        return None
+    fits = leave_out(grown.model, rows, grown.score.coefficients)
+    for step in reversed(own):
+        part = part_of(grown.model, step.taken.candidate)
+        found = parameters_of(grown.model, grown.score.coefficients, fits, part)
+        sizes = [found[name] for name in part.at.effect.coefficients if name in found]
+        mad = [_says_nothing(size) for size in sizes]
+        if any(mad) and not any(
+            not nothing and size["ci90"] is not None and not _holds_zero(size["ci90"])
+            for nothing, size in zip(mad, sizes, strict=True)
+        ):
+            return step
+    return None
+
+
+def _says_nothing(size: Mapping[str, Any]) -> bool:
+    """Whether so much of a size's interval is beyond what it can be that it says nothing."""
+    return "free" in size and spans_nonsense(size["free"], size["value"], size["limits"])
+
+
+def _holds_zero(interval: Sequence[float]) -> bool:
+    return interval[0] <= 0.0 <= interval[1]
 
 
 def _shared(step: Step) -> bool:

@@ -15,7 +15,12 @@ from analysis.closeloop.identification.arms.explainable import explainable_by_jo
 from analysis.closeloop.identification.arms.gains import untold_gain
 from analysis.closeloop.identification.arms.holdouts import not_worse
 from analysis.closeloop.identification.arms.motors import untold_motors
-from analysis.closeloop.identification.arms.robot import traced_robot, weighed, with_ordinary_again
+from analysis.closeloop.identification.arms.robot import (
+    as_declared,
+    traced_robot,
+    weighed,
+    with_ordinary_again,
+)
 from analysis.closeloop.identification.arms.tilted import with_tilt
 from analysis.closeloop.identification.balance.declared import declared_model
 from analysis.closeloop.identification.balance.luck import LARGE_GAIN, MIN_GAIN, MIN_TORQUE, MIN_Z
@@ -38,13 +43,14 @@ from analysis.closeloop.identification.holding import (
     held_in_octaves,
     in_plainest_form,
     passive,
+    sized,
 )
 from analysis.closeloop.identification.loads.askew import with_gains_askew
 from analysis.closeloop.identification.nameable import ONE_WAY, moves_one_way
 from analysis.closeloop.identification.places import with_told_places
 from analysis.closeloop.identification.presliding import rubbing_anyway
 from analysis.closeloop.session.recording import Recording
-from sim.effects.catalogue import BY_NAME
+from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 
 #: A name must bring the loss this near to what splines reach, over what there was to explain.
 MIN_EXPLAINED = 0.6
@@ -141,9 +147,10 @@ def _held(grown: Grown, declared: Model, rows: Rows) -> tuple[Grown, tuple[str, 
     grown, refusals = held_in_octaves(grown, rows)
     grown, driving = passive(grown, rows)
     grown, unsure = determined(in_plainest_form(grown, rows), rows)
+    grown, any_size = sized(grown, rows)
     grown = with_tilt(with_told_places(grown, rows), rows)
     grown, notes = not_worse(grown, declared, rows)
-    return grown, (*refusals, *driving, *unsure, *notes)
+    return grown, (*refusals, *driving, *unsure, *any_size, *notes)
 
 
 def _sliding(declared: Model, rows: Rows) -> Rows:
@@ -160,19 +167,7 @@ def _sliding(declared: Model, rows: Rows) -> Rows:
 
 def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trace:
     """Find what the declared model of a device without a limb lacks."""
-    every, rows = rows, weighed(declared, rows)
-    grown = with_settled_excess(traced_robot(declared, rows, progress), rows)
-    grown, rows, turned = with_peak_at_turns(grown, rows, every)
-    before = evaluate(declared, rows)
-    grown, held = with_breakaway(grown, rows)
-    grown, refusals = held_in_octaves(grown, rows, damped=True)
-    grown, unsure = determined(in_plainest_form(grown, rows), rows)
-    if refusals or unsure:
-        # It may have stood for friction. (A Sawyer's wrong zero, and a joint without a name.)
-        grown, further = determined(with_ordinary_again(grown, rows), rows)
-        unsure += further
-    grown = with_tilt(with_told_places(grown, rows), rows)
-    grown, notes = not_worse(grown, declared, rows)
+    grown, rows, notes = _robot_grown(declared, rows, progress)
     progress("what splines can explain")
     beyond = explainable_by_joint(declared, rows)
     return _with_rests(
@@ -180,7 +175,7 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
             Trace(
                 rows=rows,
                 declared=declared,
-                declared_score=before,
+                declared_score=evaluate(declared, rows),
                 model=grown.model,
                 score=grown.score,
                 steps=grown.steps,
@@ -190,10 +185,6 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
                 if grown.steps
                 else beyond,
                 notes=(
-                    *turned,
-                    *held,
-                    *refusals,
-                    *unsure,
                     *notes,
                     *untold_motors(grown.model, rows),
                     *untold_gain(grown.model, grown.score.coefficients, rows),
@@ -201,6 +192,41 @@ def _robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Trac
             )
         )
     )
+
+
+def _robot_grown(
+    declared: Model, every: Rows, progress: Callable[[str], None], *, links_free: bool = True
+) -> tuple[Grown, Rows, tuple[str, ...]]:
+    """Return what stands of a robot's effects, the rows that they were fitted to, and notes.
+
+    Args:
+        declared: the model as declared.
+        every: samples of all joints.
+        progress: is told what is done.
+        links_free: whether links other than declared may be found.
+    """
+    rows = weighed(declared, every)
+    grown = traced_robot(declared, rows, progress, links_free=links_free)
+    grown, rows, turned = with_peak_at_turns(with_settled_excess(grown, rows), rows, every)
+    grown, held = with_breakaway(grown, rows)
+    grown, refusals = held_in_octaves(grown, rows, damped=True)
+    grown, unsure = determined(in_plainest_form(grown, rows), rows)
+    if refusals or unsure:
+        # It may have stood for friction. (A Sawyer's wrong zero, and a joint without a name.)
+        grown, further = determined(with_ordinary_again(grown, rows), rows)
+        unsure += further
+    grown, any_size = sized(grown, rows)
+    found = with_tilt(with_told_places(grown, rows), rows)
+    grown, notes = not_worse(found, declared, rows)
+    if links_free and _has_links(found) and not _has_links(grown):
+        # What was found beside other links stood on them. (Of an iiwa of LASA: a gain, a coupling
+        # and a ripple.)
+        return _robot_grown(declared, every, as_declared(progress), links_free=False)
+    return grown, rows, (*turned, *held, *refusals, *unsure, *any_size, *notes)
+
+
+def _has_links(grown: Grown) -> bool:
+    return any(step.key[0] == LINK_INERTIA for step in grown.steps)
 
 
 def _with_rests(found: Trace) -> Trace:

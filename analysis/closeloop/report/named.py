@@ -11,13 +11,14 @@ from analysis.closeloop.identification.balance.model import Model
 from analysis.closeloop.identification.balance.regression import Rows
 from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
 from analysis.closeloop.identification.findings import Step, Trace
-from analysis.closeloop.judgement.agreement import alternatives
-from analysis.closeloop.report.parameters import (
+from analysis.closeloop.identification.parameters import (
     beside_its_like,
     parameters_of,
     part_of,
+    spans_nonsense,
     under_both,
 )
+from analysis.closeloop.judgement.agreement import alternatives
 from analysis.closeloop.report.separating import separating_trial
 from analysis.closeloop.report.shared import MASSLESS, link_parameters
 from analysis.closeloop.session.recording import Recording
@@ -28,10 +29,6 @@ from sim.effects.laws.coupling import CoupledMotor, CrossJointCoupling
 from sim.effects.laws.drive import PositionOffset
 from sim.effects.laws.inertia import PLACE, GravityTorque, TurnedGravity
 
-#: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
-MOST_NONSENSE = 0.25
-#: ... unless it is as short as this share of all that the quantity can be.
-SHARP = 0.25
 #: Parameters of a load that say where it hangs.
 PLACES = ("distance", *PLACE)
 #: A motor that turns with two joints.
@@ -222,25 +219,6 @@ def without_value(entries: Sequence[Mapping[str, Any]]) -> list[str]:
             )
             lines.append(f"declared {entry['effect']} of {entry['joint']} has no value: {why}")
     return lines
-
-
-def spans_nonsense(interval: Sequence[float], value: float, limits: Sequence[float]) -> bool:
-    """Whether so much of an interval is beyond what the quantity can be that it says nothing.
-
-    Args:
-        interval: its ends, before they are cut off at a limit.
-        value: the estimate; one that ends at a limit itself may have an interval to both sides.
-        limits: least and largest value that is physical.
-    """
-    (low, high), (least, most) = interval, limits
-    if not least - ROUNDING <= value <= most + ROUNDING:
-        return True
-    width = high - low
-    if width < SHARP * (most - least) < np.inf:
-        return False
-    below = (least - low) / width if width > 0 and value > least + ROUNDING else 0.0
-    above = (high - most) / width if width > 0 and value < most - ROUNDING else 0.0
-    return max(below, above) > MOST_NONSENSE
 
 
 def if_they_can_be(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:

@@ -71,27 +71,30 @@ from analysis.closeloop.identification.presliding import only_presliding
 from sim.effects.laws.loose_link import LooseLink
 
 
-def traced_robot(declared: Model, rows: Rows, progress: Callable[[str], None]) -> Grown:
+def traced_robot(
+    declared: Model, rows: Rows, progress: Callable[[str], None], *, links_free: bool = True
+) -> Grown:
     """Find what the declared model of a robot lacks.
 
     Args:
         declared: the model as declared.
         rows: samples of all joints, weighed by what is left of each (`weighed`).
         progress: is told what is done.
+        links_free: whether links other than declared may be found.
     """
-    grown = _traced(declared, rows, progress, links_free=True)
+    grown = _traced(declared, rows, progress, links_free=links_free)
     if grown.model.given is not None:
-        alone = _traced(
-            declared,
-            rows,
-            lambda what: progress(f"{what}, with the links as they are declared"),
-            links_free=False,
-        )
+        alone = _traced(declared, rows, as_declared(progress), links_free=False)
         grown = grown if _needed(grown, alone, rows) else alone
     model = with_heavier_link(grown.model, rows)
     if model is grown.model:
         return grown
     return _grown(placed(model, rows), rows, {step.key: step for step in grown.steps})
+
+
+def as_declared(progress: Callable[[str], None]) -> Callable[[str], None]:
+    """Return what tells of a search with the links as they are declared."""
+    return lambda what: progress(f"{what}, with the links as they are declared")
 
 
 def _needed(linked: Grown, alone: Grown, rows: Rows) -> bool:

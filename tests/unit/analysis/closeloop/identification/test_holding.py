@@ -17,6 +17,7 @@ from analysis.closeloop.identification.holding import (
     held_in_octaves,
     in_plainest_form,
     passive,
+    sized,
 )
 from analysis.closeloop.session.recording import Recording
 from sim.effects.catalogue import BY_NAME, OF_ROBOTS
@@ -204,6 +205,58 @@ def test_what_may_be_nothing_within_its_interval_is_not_named(
     found, notes = determined(Grown(model, score, steps), rows)
     assert [step.key[0] for step in found.steps] == ["time_delay"] * stays + ["coulomb_friction"]
     assert len(notes) == (not stays) and all("may be zero" in note for note in notes)
+
+
+@pytest.mark.parametrize(("damping", "stays"), [(0.3, True), (-0.3, False)])
+def test_what_has_a_size_that_cannot_be_answered_something_else(
+    damping: float, stays: bool, recording: Recording
+) -> None:
+    """A limb softened by more than its whole stiffness, where it met a bump (a stranger's)."""
+    moved = moving(recording, (0.0, 0.0))
+    candidate = Candidate(effect=BY_NAME["viscous_friction"], joint=ELBOW)
+    columns = candidate.effect.columns(unfitted(moved, ELBOW), {})
+    effort = moved.effort + moved.filtered(damping * columns[ELBOW])
+    dragged = replace(moved, effort=effort, cache={})
+    rows = select_rows(dragged, (0,))
+    term = Term(
+        effect=candidate.effect, joint=ELBOW, columns=columns, kept=(0,), candidate=candidate
+    )
+    model = Model(dragged, terms=(term,))
+    score = evaluate(model, rows)
+    found, notes = sized(Grown(model, score, (added(candidate, model, score),)), rows)
+    assert bool(found.steps) is stays
+    assert ("its size may be any" in " ".join(notes)) is not stays
+
+
+@pytest.mark.parametrize(
+    ("sizes", "stays"),
+    [
+        ({"scale": (0.3, 0.5), "shape": (-9.0, 9.0)}, True),
+        ({"scale": (-0.1, 0.5), "shape": (-9.0, 9.0)}, False),
+        ({"scale": (-0.1, 0.5), "shape": (0.1, 0.9)}, True),
+    ],
+)
+def test_one_size_that_is_sure_is_enough(
+    sizes: dict[str, tuple[float, float]],
+    stays: bool,
+    recording: Recording,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    moved = moving(recording, (0.0, 0.0))
+    rows = select_rows(moved, (0,))
+    candidate = Candidate(effect=BY_NAME["time_delay"], joint=ELBOW)
+    model = Model(moved, channels=(Channel(candidate=candidate, theta={"delay": DELAY}),))
+    score = evaluate(model, rows)
+    told = {
+        name: {"value": sum(ends) / 2, "ci90": ends, "free": ends, "limits": (-1.0, 1.0)}
+        for name, ends in sizes.items()
+    }
+    effect = SimpleNamespace(coefficients=tuple(sizes))
+    part = SimpleNamespace(at=SimpleNamespace(effect=effect))
+    monkeypatch.setattr(holding, "part_of", lambda *_: part)
+    monkeypatch.setattr(holding, "parameters_of", lambda *_: told)
+    found, _ = sized(Grown(model, score, (added(candidate, model, score),)), rows)
+    assert bool(found.steps) is stays
 
 
 @pytest.mark.parametrize(("mass", "stays"), [(0.3, True), (0.0, False)])

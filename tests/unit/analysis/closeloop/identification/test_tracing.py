@@ -1,6 +1,7 @@
 """What nothing stands of is looked for once more, without what fell."""
 
 from collections.abc import Callable, Collection, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from analysis.closeloop.identification.balance.terms import Candidate
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Grown, Option, Step, Trace
 from analysis.closeloop.session.recording import Recording
-from sim.effects.catalogue import BY_NAME
+from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from tests.testbed.sessions.rich import ELBOW
 
 FALLS, STANDS = "time_delay", "stretch_reflex"
@@ -98,3 +99,33 @@ def test_a_name_has_to_stand_with_the_rests_fitted_too(
     assert again.verdict == (Verdict.UNEXPLAINED if fails else Verdict.EFFECT_FOUND)
     assert again.steps == (() if fails else begun.steps)
     assert again.notes == ((f"fitted to the rests, too, {fails} says so",) if fails else ())
+
+
+@pytest.mark.parametrize("stand", [True, False])
+def test_what_was_found_beside_links_that_fall_is_looked_for_without_them(
+    stand: bool, recording: Recording, rows: Rows, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of an iiwa a gain, a coupling and a ripple stayed beside links that no trial held up."""
+    for name in ("with_settled_excess", "in_plainest_form", "with_told_places", "with_tilt"):
+        monkeypatch.setattr(tracing, name, lambda found, *_: found)
+    for name in ("with_breakaway", "held_in_octaves", "determined", "sized"):
+        monkeypatch.setattr(tracing, name, lambda found, *_, **__: (found, ()))
+    monkeypatch.setattr(tracing, "with_peak_at_turns", lambda found, own, _: (found, own, ()))
+    monkeypatch.setattr(tracing, "weighed", lambda _declared, own: own)
+
+    bare = grown(recording, rows, [])
+
+    def traced(_d: Model, _r: Rows, _p: Any, *, links_free: bool) -> Grown:
+        names = [LINK_INERTIA, "cross_joint_coupling"] * links_free
+        steps: Any = tuple(SimpleNamespace(key=(name, ELBOW)) for name in names)
+        return Grown(bare.model, bare.score, steps)
+
+    def not_worse(found: Grown, *_: Any) -> tuple[Grown, tuple[str, ...]]:
+        left = tuple(step for step in found.steps if stand or step.key[0] != LINK_INERTIA)
+        return Grown(found.model, found.score, left), ()
+
+    monkeypatch.setattr(tracing, "traced_robot", traced)
+    monkeypatch.setattr(tracing, "not_worse", not_worse)
+    found, _, _ = tracing._robot_grown(Model(recording), rows, lambda _: None)
+    names = [step.key[0] for step in found.steps]
+    assert names == ([LINK_INERTIA, "cross_joint_coupling"] if stand else [])

@@ -13,20 +13,19 @@ from analysis.closeloop.identification.balance.model import Model, evaluate, unf
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
+from analysis.closeloop.identification.parameters import beside_its_like, parameters_of
 from analysis.closeloop.report.named import (
     _if_it_can_be,
     if_they_can_be,
     late_efforts,
     only_held,
     refused_values,
-    spans_nonsense,
     supposed,
     turns_all,
     undetermined,
     with_places,
     with_tilt,
 )
-from analysis.closeloop.report.parameters import beside_its_like, parameters_of
 from analysis.closeloop.report.repaired import repaired_model
 from analysis.closeloop.session.device import Device
 from sim.effects.catalogue import BY_NAME
@@ -36,30 +35,6 @@ from tests.testbed.sessions.rich import ELBOW, TRUTH, rich_recording
 from tests.testbed.sessions.synthetic import mjcf
 
 MASS = (0.0, float("inf"))
-
-
-@pytest.mark.parametrize(
-    ("interval", "value", "limits", "nonsense"),
-    [
-        ((-1.9, 3.3), 0.7, MASS, True),
-        ((-0.02, 0.22), 0.1, MASS, False),
-        ((2.7, 2.9), 2.8, MASS, False),
-        # An estimate that the bound itself holds may be uncertain to both sides.
-        ((-0.3, 0.3), 0.0, MASS, False),
-        ((-3.0, 9.0), 1.0, (-1.6, 1.6), True),
-        ((1.0, 1.0), 1.0, MASS, False),
-        # Of a Kinova Gen3, metres beyond its reach.
-        ((-4.5, -0.7), -2.6, (-0.9, 0.9), True),
-        ((1.8, 1.9), 1.85, (-0.9, 0.9), True),
-        # A share of which nearly all is known: an opponent's cuffs, whose values were withheld.
-        ((0.951, 1.04), 0.995, (0.1, 1.0), False),
-        ((-0.002, 0.003), 0.0006, (0.0, 0.7), False),
-    ],
-)
-def test_an_interval_that_spans_nonsense_says_nothing(
-    interval: tuple[float, float], value: float, limits: tuple[float, float], nonsense: bool
-) -> None:
-    assert spans_nonsense(interval, value, limits) is nonsense
 
 
 def test_only_the_zero_of_what_turns_all_is_a_base_that_stands_askew() -> None:

@@ -1,4 +1,4 @@
-"""What a gain of a joint does to the other values that are told of it."""
+"""Physical parameters of what is found, and intervals that span what they cannot be."""
 
 from dataclasses import replace
 
@@ -8,12 +8,43 @@ import pytest
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import select_rows
 from analysis.closeloop.identification.balance.uncertainty import leave_out
+from analysis.closeloop.identification.parameters import (
+    parameters_of,
+    part_of,
+    spans_nonsense,
+    under_both,
+)
 from analysis.closeloop.report.named import if_they_can_be
-from analysis.closeloop.report.parameters import parameters_of, part_of, under_both
 from sim.effects.catalogue import BY_NAME
 from sim.effects.rigid import point_mass
 from tests.testbed.sessions.coupled import measured, moving, traced
 from tests.testbed.sessions.rich import ELBOW, TRUTH, added, rich_elbow
+
+MASS = (0.0, float("inf"))
+
+
+@pytest.mark.parametrize(
+    ("interval", "value", "limits", "nonsense"),
+    [
+        ((-1.9, 3.3), 0.7, MASS, True),
+        ((-0.02, 0.22), 0.1, MASS, False),
+        ((2.7, 2.9), 2.8, MASS, False),
+        # An estimate that the bound itself holds may be uncertain to both sides.
+        ((-0.3, 0.3), 0.0, MASS, False),
+        ((-3.0, 9.0), 1.0, (-1.6, 1.6), True),
+        ((1.0, 1.0), 1.0, MASS, False),
+        # Of a Kinova Gen3, metres beyond its reach.
+        ((-4.5, -0.7), -2.6, (-0.9, 0.9), True),
+        ((1.8, 1.9), 1.85, (-0.9, 0.9), True),
+        # A share of which nearly all is known: an opponent's cuffs, whose values were withheld.
+        ((0.951, 1.04), 0.995, (0.1, 1.0), False),
+        ((-0.002, 0.003), 0.0006, (0.0, 0.7), False),
+    ],
+)
+def test_an_interval_that_spans_nonsense_says_nothing(
+    interval: tuple[float, float], value: float, limits: tuple[float, float], nonsense: bool
+) -> None:
+    assert spans_nonsense(interval, value, limits) is nonsense
 
 
 def test_a_load_has_its_own_mass_beside_a_gain_of_the_joint_it_hangs_at() -> None:

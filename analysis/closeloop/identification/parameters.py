@@ -17,12 +17,16 @@ from analysis.closeloop.identification.balance.terms import Candidate, Channel, 
 from analysis.closeloop.identification.balance.uncertainty import Fits, leave_out
 from analysis.closeloop.identification.nameable import lowest
 from sim.effects.catalogue import BY_NAME
-from sim.effects.effect import Theta
+from sim.effects.effect import ROUNDING, Theta
 from sim.effects.motion import RecordedJoint
 
 #: How many times the largest effort and the largest torque of the links together a torque may be
 #: that an effect has: more was never there.
 MOST_TORQUE = 2.0
+#: Share of an interval beyond what a quantity can be with which it says nothing: [-1.9, 3.3] kg.
+MOST_NONSENSE = 0.25
+#: ... unless it is as short as this share of all that the quantity can be.
+SHARP = 0.25
 #: What friction has besides.
 ITS_LIKE = {"coulomb_friction": "viscous_friction", "viscous_friction": "coulomb_friction"}
 
@@ -145,6 +149,25 @@ def parameters_of(
         if free is not None and part.candidate is not None and not signed:
             entries[key] |= {"free": free, "limits": limits[key]}
     return entries
+
+
+def spans_nonsense(interval: Sequence[float], value: float, limits: Sequence[float]) -> bool:
+    """Whether so much of an interval is beyond what the quantity can be that it says nothing.
+
+    Args:
+        interval: its ends, before they are cut off at a limit.
+        value: the estimate; one that ends at a limit itself may have an interval to both sides.
+        limits: least and largest value that is physical.
+    """
+    (low, high), (least, most) = interval, limits
+    if not least - ROUNDING <= value <= most + ROUNDING:
+        return True
+    width = high - low
+    if width < SHARP * (most - least) < np.inf:
+        return False
+    below = (least - low) / width if width > 0 and value > least + ROUNDING else 0.0
+    above = (high - most) / width if width > 0 and value < most - ROUNDING else 0.0
+    return max(below, above) > MOST_NONSENSE
 
 
 def _within_recorded(limits: tuple[float, float], model: Model, joint: int) -> tuple[float, float]:
