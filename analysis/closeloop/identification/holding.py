@@ -1,8 +1,7 @@
 """Names that do not hold: of a size that may be none, or of one size here and another there."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -21,11 +20,7 @@ from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.candidates import tried_alone
 from analysis.closeloop.identification.findings import Grown, Option, Step
 from analysis.closeloop.identification.octaves import differs_elsewhere
-from analysis.closeloop.identification.parameters import (
-    parameters_of,
-    part_of,
-    spans_nonsense,
-)
+from analysis.closeloop.identification.parameters import of_any_size
 from sim.effects.catalogue import BY_NAME, LINK_INERTIA
 from sim.effects.laws.inertia import LEAST_LOAD
 
@@ -160,27 +155,12 @@ def _unsized(grown: Grown, rows: Rows) -> Step | None:
     own = [step for step in grown.steps if not _shared(step)]
     if not own:
         return None
-    fits = leave_out(grown.model, rows, grown.score.coefficients)
+    model, coefficients = grown.model, grown.score.coefficients
+    fits = leave_out(model, rows, coefficients)
     for step in reversed(own):
-        part = part_of(grown.model, step.taken.candidate)
-        found = parameters_of(grown.model, grown.score.coefficients, fits, part)
-        sizes = [found[name] for name in part.at.effect.coefficients if name in found]
-        mad = [_says_nothing(size) for size in sizes]
-        if any(mad) and not any(
-            not nothing and size["ci90"] is not None and not _holds_zero(size["ci90"])
-            for nothing, size in zip(mad, sizes, strict=True)
-        ):
+        if of_any_size(model, coefficients, fits, step.taken.candidate):
             return step
     return None
-
-
-def _says_nothing(size: Mapping[str, Any]) -> bool:
-    """Whether so much of a size's interval is beyond what it can be that it says nothing."""
-    return "free" in size and spans_nonsense(size["free"], size["value"], size["limits"])
-
-
-def _holds_zero(interval: Sequence[float]) -> bool:
-    return interval[0] <= 0.0 <= interval[1]
 
 
 def _shared(step: Step) -> bool:
@@ -231,13 +211,27 @@ def _without_unmissed(
         candidate = step.taken.candidate
         if candidate.joint != joint or _shared(step):
             continue
-        if _missed(before, candidate, rows) and not _missed(grown, candidate, rows):
+        if not _missed(before, candidate, rows):
+            continue
+        grown = _chosen_again(grown, candidate, rows)
+        if not _missed(grown, candidate, rows):
             model = grown.model.without(candidate)
             left = tuple(other for other in grown.steps if other is not step)
             grown = Grown(model, evaluate(model, rows), left)
             name = f"{candidate.effect.name} of {rows.recording.name(joint)}"
             notes.append(f"{name} is not added: trials that it was not fitted to do not miss it")
     return grown, notes
+
+
+def _chosen_again(grown: Grown, candidate: Candidate, rows: Rows) -> Grown:
+    """Choose an effect's own parameters anew, which were chosen beside one that has gone.
+
+    (A lag that stood beside a spring was not missed without it, and was the most of what is there.)
+    """
+    if not candidate.effect.nonlinear:
+        return grown
+    again = tried_alone(grown.model.without(candidate), rows, candidate)
+    return Grown(*again, grown.steps) if again and again[1].sse < grown.score.sse else grown
 
 
 def _missed(grown: Grown, candidate: Candidate, rows: Rows) -> bool:

@@ -170,6 +170,46 @@ def spans_nonsense(interval: Sequence[float], value: float, limits: Sequence[flo
     return max(below, above) > MOST_NONSENSE
 
 
+def of_any_size(model: Model, coefficients: np.ndarray, fits: Fits, candidate: Candidate) -> bool:
+    """Whether an effect has a size that may be far beyond what is possible, and none that is sure.
+
+    Args:
+        model: with the effect.
+        coefficients: its fit.
+        fits: of `model`, from `leave_out`.
+        candidate: the effect and its joint.
+    """
+    sizes = _sizes(model, coefficients, fits, candidate)
+    return any(map(_says_nothing, sizes)) and not any(map(_is_sure, sizes))
+
+
+def of_sure_size(model: Model, coefficients: np.ndarray, fits: Fits, candidate: Candidate) -> bool:
+    """Whether a size of an effect can be told, and is not zero; arguments as of `of_any_size`."""
+    return any(map(_is_sure, _sizes(model, coefficients, fits, candidate)))
+
+
+def _sizes(
+    model: Model, coefficients: np.ndarray, fits: Fits, candidate: Candidate
+) -> list[dict[str, Any]]:
+    """Return the parameters that an effect is nothing without."""
+    part = part_of(model, candidate)
+    found = parameters_of(model, coefficients, fits, part)
+    return [found[name] for name in part.at.effect.coefficients if name in found]
+
+
+def _says_nothing(size: Mapping[str, Any]) -> bool:
+    """Whether so much of a size's interval is beyond what it can be that it says nothing."""
+    return "free" in size and spans_nonsense(size["free"], size["value"], size["limits"])
+
+
+def _is_sure(size: Mapping[str, Any]) -> bool:
+    """Whether a size can be told, and is not zero."""
+    if size["ci90"] is None or _says_nothing(size):
+        return False
+    low, high = size["ci90"]
+    return bool(low > 0.0 or high < 0.0)
+
+
 def _within_recorded(limits: tuple[float, float], model: Model, joint: int) -> tuple[float, float]:
     """Return the limits of a torque, no further than what the trials can have held, Nm or N."""
     recording = model.recording

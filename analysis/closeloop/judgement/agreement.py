@@ -19,11 +19,14 @@ from analysis.closeloop.identification.balance.model import (
     evaluate,
     impedances,
 )
-from analysis.closeloop.identification.balance.regression import ROUNDING, Score, compare
+from analysis.closeloop.identification.balance.regression import ROUNDING, Rows, Score, compare
 from analysis.closeloop.identification.balance.searched import searched
+from analysis.closeloop.identification.balance.terms import Candidate
+from analysis.closeloop.identification.balance.uncertainty import leave_out
 from analysis.closeloop.identification.candidates import best_of
 from analysis.closeloop.identification.findings import Option, Step, Trace, exchanged
 from analysis.closeloop.identification.nameable import beyond_physics
+from analysis.closeloop.identification.parameters import of_sure_size
 from sim.effects.effect import Limits, Theta
 from sim.effects.motion import RecordedJoint
 
@@ -85,8 +88,16 @@ def agreed(found: Trace) -> Trace:
     if found.verdict != Verdict.EFFECT_FOUND:
         return found
     declared, repaired = (impedances(*fit) for fit in found.fits)
+    sure = {
+        step.key: _sure(found.model, found.score, step.taken.candidate, found.rows)
+        for step in found.steps
+        if step.equals
+    }
     rivals = [
-        (step, o) for step, o in alternatives(found) if predicts_as_well(o.score, found.score)
+        (step, o)
+        for step, o in alternatives(found)
+        if predicts_as_well(o.score, found.score)
+        and (not sure[step.key] or _sure(o.model, o.score, o.candidate, found.rows))
     ]
     stiff = [impedances(o.model, o.score.coefficients) for _, o in rivals]
     for joint, own in repaired.items():
@@ -100,6 +111,13 @@ def agreed(found: Trace) -> Trace:
         if abs(values[least] - values[0]) > APART * abs(values[0]):
             return _under(found, *rivals[least - 1])
     return found
+
+
+def _sure(model: Model, score: Score, candidate: Candidate, rows: Rows) -> bool:
+    """Whether an effect's size can be told; a load that may be none takes no gain's place."""
+    return of_sure_size(
+        model, score.coefficients, leave_out(model, rows, score.coefficients), candidate
+    )
 
 
 def _withheld(found: Trace, joint: str) -> Trace:

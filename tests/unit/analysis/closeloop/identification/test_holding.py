@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.closeloop.identification import holding
+from analysis.closeloop.identification import holding, parameters
 from analysis.closeloop.identification.balance.declared import PLACED
 from analysis.closeloop.identification.balance.model import Model, evaluate, unfitted
 from analysis.closeloop.identification.balance.regression import Score, select_rows
@@ -185,6 +185,19 @@ def added(candidate: Candidate, model: Model, score: Score) -> Step:
     return Step(taken=option, equals=(), options=(), before=2.0)
 
 
+def test_a_delay_that_was_chosen_beside_what_has_gone_is_chosen_anew(recording: Recording) -> None:
+    """A lag that stood beside a spring fell with it, though most of the residual was a lag's."""
+    late = moving(recording, (DELAY, DELAY))
+    rows = select_rows(late, (0,))
+    candidate = Candidate(effect=BY_NAME["time_delay"], joint=ELBOW)
+    model = Model(late, channels=(Channel(candidate=candidate, theta={"delay": -DELAY}),))
+    score = evaluate(model, rows)
+    found = holding._chosen_again(Grown(model, score), candidate, rows)
+    (channel,) = found.model.channels
+    assert channel.theta["delay"] == pytest.approx(DELAY, rel=0.05)
+    assert found.score.sse < 0.1 * score.sse
+
+
 @pytest.mark.parametrize(("true", "stays"), [(DELAY, True), (0.0, False)])
 def test_what_may_be_nothing_within_its_interval_is_not_named(
     true: float, stays: bool, recording: Recording
@@ -253,8 +266,8 @@ def test_one_size_that_is_sure_is_enough(
     }
     effect = SimpleNamespace(coefficients=tuple(sizes))
     part = SimpleNamespace(at=SimpleNamespace(effect=effect))
-    monkeypatch.setattr(holding, "part_of", lambda *_: part)
-    monkeypatch.setattr(holding, "parameters_of", lambda *_: told)
+    monkeypatch.setattr(parameters, "part_of", lambda *_: part)
+    monkeypatch.setattr(parameters, "parameters_of", lambda *_: told)
     found, _ = sized(Grown(model, score, (added(candidate, model, score),)), rows)
     assert bool(found.steps) is stays
 

@@ -1,6 +1,7 @@
 """A stiffness moves as far as every explanation of the trials says, and no further."""
 
 from dataclasses import replace
+from typing import Any
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -12,6 +13,7 @@ from analysis.closeloop.identification.balance.regression import Rows, select_ro
 from analysis.closeloop.identification.balance.terms import Candidate, Term
 from analysis.closeloop.identification.explainable import explainable
 from analysis.closeloop.identification.findings import Option, Outcome, Step, Trace
+from analysis.closeloop.judgement import agreement
 from analysis.closeloop.judgement.agreement import agreed
 from analysis.closeloop.report.impedance import (
     identified_entries,
@@ -117,6 +119,27 @@ def test_of_names_that_move_a_stiffness_one_way_the_one_that_moves_it_least_repa
     assert step.key[0] == "payload" and step.equals[0].candidate.effect.name == "added_inertia"
     # Already the nearest, it stays.
     assert agreed(traced(rows, "payload", "added_inertia")).steps[0].key[0] == "payload"
+
+
+@pytest.mark.parametrize(
+    ("sure", "name"),
+    [
+        ({"added_inertia"}, "added_inertia"),
+        ({"added_inertia", "payload"}, "payload"),
+        (set(), "payload"),
+    ],
+)
+def test_no_name_of_an_unsure_size_takes_the_place_of_a_sure_one(
+    sure: set[str], name: str, rows: Rows, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside friction a gain of 1.3 was a payload of -0.5 [-1.8, 0.7] kg, and K 23 % low."""
+
+    def of_sure_size(_m: Model, _c: np.ndarray, _f: Any, candidate: Candidate) -> bool:
+        return candidate.effect.name in sure
+
+    monkeypatch.setattr(agreement, "of_sure_size", of_sure_size)
+    (step,) = agreed(traced(rows, "added_inertia", "payload")).steps
+    assert step.key[0] == name
 
 
 def test_of_several_effects_that_were_found_it_is_said_that_another_stands_in_place_of_one() -> (
