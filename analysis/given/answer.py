@@ -7,22 +7,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.given import doubts, layout
-from analysis.given.clusters import clustered
-from analysis.given.copies import without_copies
-from analysis.given.dependence import dependence
-from analysis.given.hsic import hsic
-from analysis.given.left_over import unexplained
-from analysis.given.measures import MEASURES, Measure, standard
-from analysis.given.order import rest_in_order
-from analysis.given.reading import read_sheet
-from analysis.given.replicates import at_points
-from analysis.given.sample import Sample, choose
-from analysis.given.spread import quasi_random
-from analysis.given.tails import on_few_rows
-from analysis.given.used import used
-from analysis.given.walks import one_line_off
-from analysis.given.waves import missed
+from analysis.given.doubts import contradictions
+from analysis.given.doubts.left_over import unexplained
+from analysis.given.doubts.tails import on_few_rows
+from analysis.given.doubts.waves import missed
+from analysis.given.measures.hsic import hsic
+from analysis.given.measures.measure import MEASURES, Measure, standard
+from analysis.given.rows import layout
+from analysis.given.rows.clusters import clustered
+from analysis.given.rows.copies import without_copies
+from analysis.given.rows.dependence import dependence
+from analysis.given.rows.order import rest_in_order
+from analysis.given.rows.replicates import at_points
+from analysis.given.rows.sample import Sample, choose
+from analysis.given.rows.spread import quasi_random
+from analysis.given.rows.used import used
+from analysis.given.rows.walks import one_line_off
+from analysis.given.table.reading import read_sheet
 from analysis.json_values import number
 from analysis.sensitivity.estimators import Estimate
 from analysis.sensitivity.judgement.trust import FEWEST_ROWS as FEWEST_BELIEVED
@@ -43,7 +44,7 @@ def analyse(
 
     Args:
         path: CSV or Parquet.
-        outputs, factors: names of columns, as `analysis.given.sample.choose`.
+        outputs, factors: names of columns, as `analysis.given.rows.sample.choose`.
 
     Returns:
         {"file", "rows", "rows_used", "points", "level", "factors": [NAME], "remarks": [SENTENCE],
@@ -102,7 +103,7 @@ def answer(sample: Sample) -> dict[str, Any]:
     if len(x):
         remarks += few.values()
         for o, name in enumerate(sample.outputs):
-            remarks += doubts.itself(name, y[:, o], sample.factors, x)
+            remarks += contradictions.itself(name, y[:, o], sample.factors, x)
     # Rows that share values of others, or lie evenly, are alike for that.
     if len(x) and rows.drawn and not any("rbd_fast" in names for names, _ in withheld):
         for o, name in enumerate(sample.outputs):
@@ -110,12 +111,14 @@ def answer(sample: Sample) -> dict[str, Any]:
             remarks += waves
             # Where few rows make up the variance, or waves are named, the reason is known.
             if not (depending or clusters or waves or few[name]):
-                remarks += doubts.apart(name, doubts.shares(of_samples[name]), LEVEL)
+                remarks += contradictions.apart(
+                    name, contradictions.shares(of_samples[name]), LEVEL
+                )
             remarks += rest_in_order(name, y[rows.order, o], sample.factors, x[rows.order])
     # A Saltelli design has total-order indices.
     if len(x) and rows.drawn and (rows.design is None or rows.design.method == "morris"):
         for o, name in enumerate(sample.outputs):
-            told = doubts.shares(of_samples[name])
+            told = contradictions.shares(of_samples[name])
             remarks += unexplained(
                 name, y[:, o], sample.factors, x, told, designed=rows.design is not None
             )
@@ -133,12 +136,12 @@ def answer(sample: Sample) -> dict[str, Any]:
     for o, name in enumerate(sample.outputs):
         remarks += one_line_off(name, design, points.sample.x, points.sample.y[:, o])
     for name, of_design in by_design.items():
-        told, first = doubts.shares(of_samples[name]), of_design.get("first_order", {})
+        told, first = contradictions.shares(of_samples[name]), of_design.get("first_order", {})
         independent = {"the design's S": first} if first else {}
         independent |= told if first or not depending else {}
-        remarks += doubts.beyond_the_whole(name, independent, LEVEL)
-        remarks += doubts.out_of_range(name, told, LEVEL)
-        remarks += doubts.two_answers(name, first, told, LEVEL)
+        remarks += contradictions.beyond_the_whole(name, independent, LEVEL)
+        remarks += contradictions.out_of_range(name, told, LEVEL)
+        remarks += contradictions.two_answers(name, first, told, LEVEL)
     return {
         "file": sample.file,
         "rows": len(sample.x),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.given.answer import analyse
-from analysis.given.refusals import GivenError
+from analysis.given.table.refusals import GivenError
 from intake.looks import look
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from analysis.given.hdmr import hdmr
+from analysis.given.measures.hdmr import hdmr
 from analysis.interpretation.bank.bank import Bank, Samples
 from analysis.interpretation.inference.rows import targets_of
 from benchmarks.interpretation.judging import Judged

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from analysis.designs import DEFAULT_SAMPLING, unit_row
-from analysis.given.hsic import r2_hsic
-from analysis.given.measures import MEASURES
+from analysis.given.measures.hsic import r2_hsic
+from analysis.given.measures.measure import MEASURES
 from analysis.sensitivity.estimators import SYMBOLS, ShapleyEstimator
 from tests.testbed.functions.dependent import ishigami, ishigami_of_dependent, linear, truths
 

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.designs import DEFAULT_SAMPLING, unit_rows
-from analysis.given.hdmr import PIECES
-from analysis.given.measures import MEASURES
-from analysis.given.pawn import pawn
+from analysis.given.measures.hdmr import PIECES
+from analysis.given.measures.measure import MEASURES
+from analysis.given.measures.pawn import pawn
 from analysis.sensitivity.estimators import Estimator, ShapleyEffects, estimator_class
 from analysis.sensitivity.estimators.weightings import FIRST, WEIGHTINGS
 from benchmarks.machine import describe_machine

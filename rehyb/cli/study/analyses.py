@@ -41,7 +41,7 @@ def analyse_study(client: Client, study: StudyId, output: Outputs = None) -> Ans
 def _answer(file: Path, outputs: list[str] | None, factors: list[str] | None) -> Answer:
     with needs_extra("an analysis of a table", "given"):
         from analysis.given.answer import analyse as told
-        from analysis.given.refusals import GivenError
+        from analysis.given.table.refusals import GivenError
 
         with refusing(GivenError):
             found = told(file, outputs or (), factors)

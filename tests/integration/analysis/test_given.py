@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.given import hdmr, measures
-from analysis.given.hsic import hsic
+from analysis.given.measures import hdmr
+from analysis.given.measures.hsic import hsic
+from analysis.given.measures.measure import MEASURES
 from tests.testbed.given import ishigami
 
 
@@ -45,7 +46,7 @@ def test_shares_of_hdmr_vary_as_leaving_out_says(signal: float) -> None:
 @pytest.mark.parametrize("rho", [0.0, 0.7])
 def test_intervals_of_hdmr_hold_shares_of_factors_that_depend_on_each_other(rho: float) -> None:
     """Of a + noise the share of a is half, and of its companion none (Li et al. 2010)."""
-    (measure,) = (one for one in measures.MEASURES if one.name == "hdmr")
+    (measure,) = (one for one in MEASURES if one.name == "hdmr")
     held = []
     for seed in range(200):
         rng = np.random.default_rng([seed, 31])
@@ -59,7 +60,7 @@ def test_intervals_of_hdmr_hold_shares_of_factors_that_depend_on_each_other(rho:
 
 @pytest.mark.parametrize("name", ["rbd_fast", "hdmr"])
 def test_of_a_factor_that_does_nothing_intervals_are_as_long_as_chance_is(name: str) -> None:
-    (measure,) = (one for one in measures.MEASURES if one.name == name)
+    (measure,) = (one for one in MEASURES if one.name == name)
     rng = np.random.default_rng(4)
     found = []
     for _ in range(40):

@@ -1,0 +1,1 @@
+"""Remarks that warn where indices of a sample mislead."""

@@ -1,0 +1,1 @@
+"""A user's file as columns of numbers, and why it may be refused."""
