@@ -17,7 +17,8 @@ from scipy.spatial import KDTree
 from scipy.stats import norm, rankdata
 
 from analysis.given.measures.hdmr import ROWS_EACH, pieces, splines
-from analysis.given.measures.measure import FEW_VALUES, standard
+from analysis.given.measures.measure import standard
+from analysis.given.measures.rbd_fast import FEW_VALUES
 from analysis.sensitivity.judgement.screening import SHARE_OF_VARIANCE
 
 Array = NDArray[np.float64]

@@ -15,7 +15,8 @@ from scipy.stats import norm
 from analysis.given.doubts.left_over import alike, by_themselves
 from analysis.given.measures.hdmr import ROWS_EACH, pieces, splines
 from analysis.given.measures.jumps import jumps
-from analysis.given.measures.measure import FEW_VALUES, class_means, harmonics, standard
+from analysis.given.measures.measure import standard
+from analysis.given.measures.rbd_fast import FEW_VALUES, class_means, harmonics
 from analysis.sensitivity.judgement.screening import SHARE_OF_VARIANCE
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from analysis.given.measures.measure import FEW_VALUES
+from analysis.given.measures.rbd_fast import FEW_VALUES
 from analysis.given.rows import layout
 from analysis.given.rows.copies import FEWEST_POINTS, FEWEST_ROWS, beyond_chance, earlier, numbered
 from analysis.given.rows.sample import Sample

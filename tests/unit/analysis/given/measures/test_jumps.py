@@ -9,7 +9,8 @@ import pytest
 from analysis.given.doubts.contradictions import apart, shares
 from analysis.given.doubts.waves import missed
 from analysis.given.measures.jumps import jumps
-from analysis.given.measures.measure import MEASURES, harmonics
+from analysis.given.measures.measure import MEASURES
+from analysis.given.measures.rbd_fast import harmonics
 
 _BY_NAME = {measure.name: measure for measure in MEASURES}
 

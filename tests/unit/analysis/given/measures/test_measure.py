@@ -21,8 +21,9 @@ from analysis.given.measures import hdmr
 from analysis.given.measures.delta import delta
 from analysis.given.measures.hsic import hsic
 from analysis.given.measures.intervals import Spread, by_halves, by_score, half_width
-from analysis.given.measures.measure import MEASURES, rbd_fast
+from analysis.given.measures.measure import MEASURES
 from analysis.given.measures.pawn import pawn
+from analysis.given.measures.rbd_fast import rbd_fast
 from analysis.given.table.reading import read_sheet
 from analysis.given.table.refusals import GivenError
 from tests.testbed.given import ROWS, ishigami, written
