@@ -200,8 +200,9 @@ def _withheld_from(x: Array, factors: Sequence[str]) -> list[tuple[Sequence[str]
         names = [measure.name for measure in MEASURES if measure.needs_drawn]
         why = (
             "The points lie more evenly than random ones, as those of Sobol's or Halton's "
-            f"sequences do: {', '.join(names)} is withheld, for in such points the other "
-            "factors' waves look like those of the factor itself. See delta, pawn and hsic."
+            "sequences do, or of a Latin hypercube that was optimised: "
+            f"{', '.join(names)} is withheld, for in points of a sequence the other factors' waves "
+            "look like those of the factor itself. See delta, pawn and hsic."
         )
         found.append((names, why))
     for measure in MEASURES:

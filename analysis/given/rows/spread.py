@@ -33,8 +33,9 @@ def quasi_random(x: Array) -> bool:
     """Say whether points are those of a low-discrepancy sequence, such as Sobol's or Halton's.
 
     Their ranks fill the cells of a grid over two factors more evenly than chance does: Pearson's
-    chi-square of all pairs (1900) is too small. Of a Latin hypercube it is not. Of factors that a
-    Gaussian copula joins it is that of the normals behind them.
+    chi-square of all pairs (1900) is too small. Of a Latin hypercube it is not, unless that was
+    optimised: then it is as even, without a sequence's waves, and nothing here tells the two apart.
+    Of factors that a Gaussian copula joins it is that of the normals behind them.
 
     Args:
         x: shape (rows, factors), rows in any order.

@@ -153,6 +153,18 @@ def test_points_of_a_sequence_are_told_also_of_factors_that_all_depend_on_each_o
     assert not quasi_random(np.column_stack([bent, np.sin(9.0 * bent), bent**2]))
 
 
+@pytest.mark.parametrize(("optimization", "told"), [(None, True), ("random-cd", False)])
+def test_of_a_latin_hypercube_rbd_fast_is_told_unless_it_was_optimised(
+    optimization: Any, told: bool, tmp_path: Path
+) -> None:
+    """It was said to be Sobol's or Halton's, and the page that no Latin hypercube is affected."""
+    x = qmc.LatinHypercube(3, rng=np.random.default_rng(1), optimization=optimization).random(128)
+    found = analyse(written(tmp_path / "l.csv", np.column_stack([x, ishigami(x)])), ["y"])
+    assert (found["outputs"]["y"]["measures"]["rbd_fast"]["a"]["value"] is not None) == told
+    why = [one for one in found["remarks"] if "or of a Latin hypercube that was optimised" in one]
+    assert len(why) == (not told)
+
+
 def test_of_sobol_points_rbd_fast_is_withheld_and_why_is_said(tmp_path: Path) -> None:
     x = qmc.Sobol(3, seed=2).random(64)
     found = analyse(written(tmp_path / "s.csv", np.column_stack([x, ishigami(x)])), ["y"])
