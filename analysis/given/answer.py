@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.given.doubts import contradictions
+from analysis.given.doubts.itself import itself
 from analysis.given.doubts.left_over import unexplained
 from analysis.given.doubts.tails import on_few_rows
 from analysis.given.doubts.waves import missed
@@ -103,7 +104,8 @@ def answer(sample: Sample) -> dict[str, Any]:
     if len(x):
         remarks += few.values()
         for o, name in enumerate(sample.outputs):
-            remarks += contradictions.itself(name, y[:, o], sample.factors, x)
+            near = found.pairs if rows.drawn else None
+            remarks += itself(name, y[:, o], sample.factors, x, near)
     # Rows that share values of others, or lie evenly, are alike for that.
     if len(x) and rows.drawn and not any("rbd_fast" in names for names, _ in withheld):
         for o, name in enumerate(sample.outputs):

@@ -4,27 +4,20 @@ Shares of independent factors sum to 1 at most (Sobol 1993, Sensitivity estimate
 mathematical models).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
 from analysis.given.measures.measure import MEASURES
 from analysis.sensitivity.judgement.screening import SHARE_OF_VARIANCE
 from analysis.sensitivity.judgement.trust import CLEARLY_ABOVE_ONE
 
-Array = NDArray[np.float64]
-
 #: Measures that are shares of the variance, as the first-order index of a design is.
 _SHARES = tuple(measure.name for measure in MEASURES if measure.symbol.startswith("S"))
 #: How likely one factor or more of an output is said to have two indices, if it has one.
 _BY_CHANCE = 1e-3
-#: What the correlation of two columns of the same lacks that are rounded to three digits of what
-#: they vary by: half of 0.001 squared.
-_SAME = 0.5e-6
 
 
 def beyond_the_whole(output: str, told: Mapping[str, Any], level: float) -> list[str]:
@@ -80,38 +73,6 @@ def out_of_range(output: str, told: Mapping[str, Any], level: float) -> list[str
                 "give sums and differences of such factors in their stead."
             )
     return said
-
-
-def itself(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]:
-    """Say which factor is the output but for its unit and what rounding does, as nothing else is.
-
-    Or a function of it that only rises or falls: then no row is out of order.
-
-    Args:
-        output, factors: names.
-        y: shape (rows,).
-        x: shape (rows, factors).
-    """
-    if len(factors) < 2 or np.ptp(y) == 0.0:
-        return []
-    varies = np.flatnonzero(np.ptp(x, axis=0) > 0.0).tolist()
-    found, order = [], np.argsort(y, kind="stable")
-    apart = len(np.unique(y)) == len(y)
-    for f in varies:
-        steps = np.diff(x[order, f])
-        if 1.0 - abs(np.corrcoef(x[:, f], y)[0, 1]) < _SAME:
-            found.append(
-                f"{output} is a straight line of {factors[f]}, to three digits of what it varies "
-                "by or more. If that is the output again, in another unit, leave it out: name the "
-                "factors (--factor)."
-            )
-        elif apart and (np.all(steps > 0.0) or np.all(steps < 0.0)):
-            found.append(
-                f"{output} {'rises' if steps[0] > 0.0 else 'falls'} with {factors[f]} from row to "
-                "row without one exception, whatever other factors do. If that is the output "
-                "again, as its logarithm is, leave it out: name the factors (--factor)."
-            )
-    return found
 
 
 def two_answers(

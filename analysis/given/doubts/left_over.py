@@ -63,12 +63,9 @@ def by_themselves(x: Array, y: Array) -> Array:
     Means of few values and splines of others (Li et al. 2010); straight lines through ranks where
     there are too few rows for these, and nothing of too few for lines.
     """
-    rows, factors = x.shape
-    cut = pieces(rows, factors)
-    each = [_functions(column, cut) for column in x.T]
-    if sum(one.shape[1] for one in each) > rows / ROWS_EACH:
-        each = [rankdata(column)[:, None] for column in x.T]
-    if factors > rows / ROWS_EACH:
+    rows = len(x)
+    each = functions_of(x)
+    if not each[0].shape[1]:
         return np.zeros_like(x)
     ends = np.cumsum([one.shape[1] for one in each])
     basis = np.concatenate(each, axis=1)
@@ -78,6 +75,21 @@ def by_themselves(x: Array, y: Array) -> Array:
     inner = basis.T @ basis + 1e-6 * rows * np.eye(basis.shape[1])
     solved = np.linalg.solve(inner, basis.T @ (y - y.mean()))
     return np.asarray(np.add.reduceat(basis * solved, [0, *ends[:-1]], axis=1))
+
+
+def functions_of(x: Array) -> list[Array]:
+    """Return the functions of each factor that are fitted, shape (rows, functions) each.
+
+    As many as the rows allow (Li et al. 2010): splines and means, lines, or none of any.
+    """
+    rows, factors = x.shape
+    if factors > rows / ROWS_EACH:
+        return [np.empty((rows, 0)) for _ in range(factors)]
+    cut = pieces(rows, factors)
+    each = [_functions(column, cut) for column in x.T]
+    if sum(one.shape[1] for one in each) > rows / ROWS_EACH:
+        each = [rankdata(column)[:, None] for column in x.T]
+    return each
 
 
 def _functions(column: Array, cut: int) -> Array:

@@ -96,29 +96,6 @@ def test_shares_of_factors_that_cancel_are_said_to_be_no_parts(
     assert bool(about) == said
 
 
-@pytest.mark.parametrize(
-    ("again", "said"),
-    [
-        (lambda y, rng: np.round(1000.0 * y), "is a straight line of c, "),
-        (lambda y, rng: 32.0 + 1.8 * y, "is a straight line of c, "),
-        (lambda y, rng: y + 0.01 * rng.normal(size=200), ""),
-        (lambda y, rng: np.exp(y), "rises with c from row to row without one exception"),
-        (lambda y, rng: -(y**3), "falls with c from row to row without one exception"),
-    ],
-)
-def test_an_output_that_stands_among_the_factors_in_another_unit_is_named(
-    again: Any, said: str, tmp_path: Path
-) -> None:
-    """Its share was 1.000, without a remark; of its exponential, all others' were 0."""
-    rng = np.random.default_rng(2)
-    x = rng.random((200, 2))
-    y = x @ [3.0, 1.0]
-    table = np.column_stack([x, again(y, rng), y])
-    remarks = analyse(written(tmp_path / "runs.csv", table), ["y"])["remarks"]
-    told = [one for one in remarks if one.startswith("y ") and " c" in one]
-    assert len(told) == bool(said) and all(said in one for one in told)
-
-
 @pytest.mark.parametrize(("rows", "said"), [(100, True), (128, False)])
 def test_of_few_rows_it_is_said_that_intervals_are_not_to_be_believed(
     rows: int, said: bool, tmp_path: Path
