@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.given.doubts.stand_ins import atom, no_value
 from analysis.given.rows import layout
 from analysis.given.rows.copies import FEWEST_ROWS, without_copies
 from analysis.given.rows.missing import lacking
-from analysis.given.table.cells import atom, no_value, on_one_line
+from analysis.given.table.cells import on_one_line
 from analysis.given.table.reading import Sheet
 from analysis.given.table.refusals import GivenError
 from models.entries import RESULT_COLUMNS

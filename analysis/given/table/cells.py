@@ -44,10 +44,6 @@ _PERCENT = re.compile(r"(?<=\d)\s?%$")
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 #: Of a column with more than this share of text, all of it is text, and not a number gone wrong.
 _TEXT = 0.5
-#: A number that no other comes near is no chance if it is there so often.
-_AGAIN = 3
-#: Share of the rows that have one value of an output from which that jump matters.
-_OFTEN = 0.05
 #: Characters quoted of a cell.
 _QUOTED = 40
 
@@ -131,41 +127,6 @@ def checked(file: str, name: str, numbers: NDArray[np.float64]) -> NDArray[np.fl
             column=name,
         )
     return numbers
-
-
-def no_value(name: str, numbers: NDArray[np.float64]) -> str:
-    """Return the remark on a number that may stand for none, such as -999, or nothing.
-
-    It is there again and again, and as far from all others, which hardly repeat, as they go.
-    """
-    values, often = np.unique(numbers[~np.isnan(numbers)], return_counts=True)
-    for at, rest in ((0, slice(1, None)), (-1, slice(-1))):
-        others = values[rest]
-        if len(others) < 2 or often[at] < _AGAIN or (often[rest] == 1).sum() <= len(others) / 2:
-            continue
-        if np.abs(others - values[at]).min() > np.ptp(others):
-            return (
-                f"{name} is {values[at]:g} in {often[at]} rows, and from {others[0]:g} to "
-                f"{others[-1]:g} in the others: if that stands for no value, leave it empty."
-            )
-    return ""
-
-
-def atom(name: str, numbers: NDArray[np.float64]) -> str:
-    """Return the remark on a value that many rows share of an output that else hardly repeats."""
-    there = numbers[~np.isnan(numbers)]
-    values, often = np.unique(there, return_counts=True)
-    most = int(np.argmax(often))
-    others = np.delete(often, most)
-    if no_value(name, numbers) or often[most] < max(_AGAIN, _OFTEN * len(there)):
-        return ""
-    if (others == 1).sum() <= len(others) / 2:
-        return ""
-    return (
-        f"{name} is {values[most]:g} in {often[most]:,} of {len(there):,} rows, and hardly repeats "
-        "in the others. If that stands for runs that failed, leave them empty: the jump counts as "
-        "what factors do. If it is a limit, or truly so often, it is well."
-    )
 
 
 def _plain(cell: str) -> tuple[str, float]:
