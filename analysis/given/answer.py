@@ -70,11 +70,13 @@ def answer(sample: Sample) -> dict[str, Any]:
     remarks = [*sample.remarks, *points.remarks, *rows.remarks]
     depending: list[str] = []
     clusters: list[str] = []
+    tied: set[str] = set()
     if len(x):
         # Several runs at the same point are one of the points that were drawn.
         once = x[without_copies(x, x[:, :0])]
         found = dependence(sample.factors, once, drawn=rows.drawn)
         depending = found.remarks
+        tied = {sample.factors[f] for pair in found.pairs for f in pair}
         remarks += [*depending, _few_rows(len(x), rows.design)]
         if rows.drawn and rows.design is None:
             clusters = clustered(once, found.pairs)
@@ -110,12 +112,11 @@ def answer(sample: Sample) -> dict[str, Any]:
     if len(x) and rows.drawn and not any("rbd_fast" in names for names, _ in withheld):
         for o, name in enumerate(sample.outputs):
             waves = missed(name, y[:, o], sample.factors, x)
-            remarks += waves
-            # Where few rows make up the variance, or waves are named, the reason is known.
-            if not (depending or clusters or waves or few[name]):
-                remarks += contradictions.apart(
-                    name, contradictions.shares(of_samples[name]), LEVEL
-                )
+            remarks += waves.values()
+            # Where few rows make up the variance, or rows lie in clusters, the reason is known.
+            if not (clusters or few[name]):
+                told = contradictions.shares(of_samples[name])
+                remarks += contradictions.apart(name, told, LEVEL, tied=tied, known=waves)
             remarks += rest_in_order(name, y[rows.order, o], sample.factors, x[rows.order])
     # A Saltelli design has total-order indices.
     if len(x) and rows.drawn and (rows.design is None or rows.design.method == "morris"):

@@ -4,7 +4,7 @@ Shares of independent factors sum to 1 at most (Sobol 1993, Sensitivity estimate
 mathematical models).
 """
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from itertools import combinations
 from typing import Any
 
@@ -18,6 +18,8 @@ from analysis.sensitivity.judgement.trust import CLEARLY_ABOVE_ONE
 _SHARES = tuple(measure.name for measure in MEASURES if measure.symbol.startswith("S"))
 #: How likely one factor or more of an output is said to have two indices, if it has one.
 _BY_CHANCE = 1e-3
+#: Factors with two shares that are shown.
+_SHOWN = 5
 
 
 def beyond_the_whole(output: str, told: Mapping[str, Any], level: float) -> list[str]:
@@ -110,32 +112,54 @@ def two_answers(
     ]
 
 
-def apart(output: str, told: Mapping[str, Any], level: float) -> list[str]:
+def apart(
+    output: str,
+    told: Mapping[str, Any],
+    level: float,
+    *,
+    tied: Container[str] = (),
+    known: Container[str] = (),
+) -> list[str]:
     """Say of which factors two measures of the same rows tell two shares, surely.
 
-    Of independent factors both tell S (Sobol 1993), as far as they follow the output.
+    Of independent factors both tell S (Sobol 1993), as far as they follow the output. Of others
+    they do not, for one deals what factors explain together (Li et al. 2010).
 
     Args:
         output: its name.
         told: measures of a sample that are shares, {NAME: {FACTOR: INTERVAL}}.
         level: of the intervals.
+        tied: factors that depend on others.
+        known: factors of which it is said already what the two do not follow.
     """
     said = []
     for (one, index), (two, other) in combinations(told.items(), 2):
         beyond = _times(len(index), level)
+        dealt = []
         for factor in index:
             a, b = index[factor], other[factor]
-            if None in (a["low"], b["low"]):
+            if factor in known or None in (a["low"], b["low"]):
                 continue
             off = b["value"] - a["value"]
             half = (_half(a, off) ** 2 + _half(b, -off) ** 2) ** 0.5
-            if abs(off) > max(beyond * half, SHARE_OF_VARIANCE):
-                said.append(
-                    f"Do not trust the share of {factor} in {output}: it is {a['value']:.2f} by "
-                    f"{one} and {b['value']:.2f} by {two}, of the same rows. Either the output "
-                    "changes with it more often than the one follows that tells less of it, or "
-                    "factors depend on each other."
-                )
+            if abs(off) <= max(beyond * half, SHARE_OF_VARIANCE):
+                continue
+            both = f"{a['value']:.2f} by {one} and {b['value']:.2f} by {two}"
+            if factor in tied:
+                dealt.append(f"{factor} {both}")
+                continue
+            said.append(
+                f"Do not trust the share of {factor} in {output}: it is {both}, of the same rows. "
+                "Either the output changes with it more often than the one follows that tells less "
+                "of it, or factors depend on each other."
+            )
+        if dealt:
+            more = f" and {len(dealt) - _SHOWN} more" if len(dealt) > _SHOWN else ""
+            said.append(
+                f"Two shares of {output} each: {', '.join(dealt[:_SHOWN])}{more}. These factors "
+                "depend on others: rbd_fast counts for one all that goes with it, hdmr deals what "
+                "they explain together. Neither is what a factor does by itself."
+            )
     return said
 
 

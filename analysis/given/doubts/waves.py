@@ -29,10 +29,11 @@ _BY_CHANCE = 1e-3
 _MOST_ROWS = 2000
 
 
-def missed(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]:
-    """Say of which factors harmonics, splines or both miss a share that matters.
+def missed(output: str, y: Array, factors: Sequence[str], x: Array) -> dict[str, str]:
+    """Return the remark on each factor of which measures miss a share that matters.
 
-    By the correlation of neighbouring rows in what they leave, beyond chance (Bonferroni).
+    Harmonics, splines or both do, by the correlation of neighbouring rows in what they leave,
+    beyond chance (Bonferroni).
 
     Args:
         output, factors: names.
@@ -41,7 +42,7 @@ def missed(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]
     """
     x, y = x[:_MOST_ROWS], y[:_MOST_ROWS]
     if np.ptp(y) == 0.0:
-        return []
+        return {}
     y = standard(y)
     # What other factors do is noise beside what is looked for.
     function = by_themselves(x, y)
@@ -49,7 +50,7 @@ def missed(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]
     cut = pieces(len(y), x.shape[1])
     least = float(norm.isf(_BY_CHANCE / len(_MEASURES) / x.shape[1]))
     row = np.arange(len(y))
-    said = []
+    said = {}
     for name, column, own in zip(factors, x.T, function.T, strict=True):
         classes = np.unique(column, return_inverse=True)[1]
         if classes.max() < FEW_VALUES:
@@ -68,7 +69,7 @@ def missed(output: str, y: Array, factors: Sequence[str], x: Array) -> list[str]
             if near.errors > least and near.product > SHARE_OF_VARIANCE:
                 misses[measure] = near.product
         if misses:
-            said.append(_sentence(output, y, name, classes, misses))
+            said[name] = _sentence(output, y, name, classes, misses)
     return said
 
 

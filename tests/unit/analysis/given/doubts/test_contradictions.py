@@ -80,7 +80,31 @@ def test_two_measures_of_the_same_rows_that_surely_differ_are_named() -> None:
     near = told | {"hdmr": {"a": interval(0.71, 0.79), "b": interval(0.1, 0.14)}}
     untold = {"value": None, "low": None, "high": None}
     assert contradictions.apart("y", near, 0.9) == []
+    assert contradictions.apart("y", told, 0.9, known={"a"}) == []
     assert contradictions.apart("y", told | {"hdmr": {"a": untold, "b": untold}}, 0.9) == []
+
+
+def test_two_shares_of_factors_that_depend_on_each_other_are_said_and_why(tmp_path: Path) -> None:
+    """Of the four a and b had 0.67 and 0.26 without a word; c and d have one share each."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        x = rng.normal(size=(500, 4))
+        x[:, 1] = 0.7 * x[:, 0] + 0.7 * x[:, 1]
+        table = np.column_stack([x, x @ [1.0, 1.0, 1.0, 0.5]])
+        remarks = analyse(written(tmp_path / "r.csv", table, "a,b,c,d,y"), ["y"])["remarks"]
+        (said,) = [one for one in remarks if one.startswith("Two shares of y each: a ")]
+        assert ", b 0." in said and " c " not in said and "hdmr deals" in said
+        assert "Do not trust" not in " ".join(remarks)
+
+
+def test_a_contradiction_is_said_beside_factors_that_depend_on_each_other() -> None:
+    told = {
+        "rbd_fast": {f: interval(0.75, 0.83) for f in "abcdefgh"},
+        "hdmr": {f: interval(0.59, 0.65) for f in "abcdefgh"},
+    }
+    alone, dealt = contradictions.apart("y", told, 0.9, tied=set("bcdefgh"))
+    assert alone.startswith("Do not trust the share of a in y") and " f 0.79" in dealt
+    assert dealt.count("0.62 by hdmr") == 5 and "hdmr and 2 more." in dealt
 
 
 @pytest.mark.parametrize(("correlation", "said"), [(0.99, True), (0.0, False)])

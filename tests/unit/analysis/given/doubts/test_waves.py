@@ -31,7 +31,7 @@ def test_a_factor_that_shares_do_not_follow_is_named(output: Any, coded: bool, s
     for seed in range(20):
         x = np.random.default_rng(seed).random((400, 3))
         x[:, 0] = np.floor(50.0 * x[:, 0]) / 50.0 + 1e-3 if coded else x[:, 0]
-        (one,) = missed("y", output(x), "abc", x)
+        (one,) = missed("y", output(x), "abc", x).values()
         assert said in one and "by 0." in one
 
 
@@ -68,7 +68,7 @@ def test_a_few_waves_are_named_that_one_measure_follows_less_than_the_other(
 def test_of_twenty_one_values_or_fewer_the_means_follow_any_order() -> None:
     rng = np.random.default_rng(2)
     x = rng.integers(0, 21, (400, 2)).astype(float)
-    assert missed("y", rng.normal(size=21)[x[:, 0].astype(int)], "ab", x) == []
+    assert missed("y", rng.normal(size=21)[x[:, 0].astype(int)], "ab", x) == {}
 
 
 def test_an_answer_names_waves_of_rows_that_were_drawn(tmp_path: Path) -> None:

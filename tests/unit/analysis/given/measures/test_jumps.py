@@ -66,7 +66,7 @@ def test_only_the_measure_is_named_that_does_not_follow() -> None:
     """Of four waves splines told 0.6 and harmonics the whole: it was said of both, or of none."""
     x = np.random.default_rng(1).random((500, 3))
     y = np.sin(8.0 * np.pi * x[:, 0]) + x[:, 1]
-    (said,) = missed("y", y, "abc", x)
+    (said,) = missed("y", y, "abc", x).values()
     assert said.startswith("y has more waves or jumps with a than hdmr follows: the share of it")
 
 
@@ -75,7 +75,7 @@ def test_of_few_rows_that_make_up_the_variance_no_waves_are_told() -> None:
     for seed in range(10):
         x = np.random.default_rng(seed).random((500, 5))
         y = 10.0 * ((x[:, 0] > 0.9) & (x[:, 1] > 0.9)) + 0.1 * x[:, 2]
-        assert missed("y", y, "abcde", x) == []
+        assert missed("y", y, "abcde", x) == {}
 
 
 def test_two_shares_of_one_factor_have_either_cause() -> None:
