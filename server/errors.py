@@ -24,7 +24,7 @@ class WrongPathError(ConflictError):
 
 
 class OtherDatabaseError(WrongPathError):
-    """The database is somebody else's: it has tables, and none of rehyb's."""
+    """The database is somebody else's: it has something, and not what rehyb has."""
 
 
 class BadSettingError(CoordinatorError):

@@ -3,7 +3,7 @@
 import os
 import sqlite3
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,12 @@ BUSY_SECONDS = 30
 LOG_PAGES = 10_000
 #: How its files begin.
 _MAGIC = b"SQLite format 3\0"
-#: A table that every schema of rehyb has, and the one where Alembic keeps which schema it is.
-_OURS, _VERSION = "studies", "alembic_version"
+#: Where Alembic keeps which schema it is, as it does for others.
+_VERSION = "alembic_version"
+#: Tables that every schema of rehyb has. Others have studies, too: Optuna, with a version beside.
+_OURS = {_VERSION, "studies", "instances", "leases"}
+#: Tables or views of somebody else's that are named.
+_NAMED = 5
 
 
 def make_private(path: Path) -> None:
@@ -86,8 +90,7 @@ def open_sqlite(connection: Any, _record: Any) -> None:
     connection.isolation_level = None
     connection.execute(f"PRAGMA busy_timeout = {BUSY_SECONDS * 1000}")
     # WAL stays with a file for good: one of somebody else's is left as it is.
-    tables = "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%'"
-    if not tables_of_another(name for (name,) in connection.execute(tables)):
+    if not of_another_in_sqlite(connection):
         use_write_ahead_log(connection)
     # Losing power may lose the last commits, never consistency: their instances are leased again.
     connection.execute("PRAGMA synchronous = NORMAL")
@@ -96,13 +99,39 @@ def open_sqlite(connection: Any, _record: Any) -> None:
     connection.execute("PRAGMA foreign_keys = ON")
 
 
-def tables_of_another(tables: Iterable[str]) -> list[str]:
-    """Return the tables of a database that is somebody else's, sorted; none if it is ours or empty.
+def of_another(
+    tables: Iterable[str], views: Iterable[str], numbers: Mapping[str, int] | None = None
+) -> str:
+    """Return in words what shows that a database is somebody else's; none if it is ours or empty.
 
-    Others keep the version of their schema in a table of the same name.
+    Args:
+        tables: their names.
+        views: theirs.
+        numbers: by name, what a program may have put in a file's header; 0 if none has.
     """
     there = set(tables)
-    return [] if _OURS in there else sorted(there - {_VERSION})
+    if there >= _OURS:
+        return ""
+    for kind, names in (("tables", there - {_VERSION} or there), ("views", set(views))):
+        if names:
+            some = [*sorted(names)[:_NAMED], *["..."] * (len(names) > _NAMED)]
+            return f"it holds other {kind} ({', '.join(some)})"
+    for name, number in (numbers or {}).items():
+        if number:
+            return f"another program has put its number in it ({name} {number})"
+    return ""
+
+
+def of_another_in_sqlite(connection: Any) -> str:
+    """Return `of_another` of what one SQLite connection has open."""
+    listed = "SELECT type, name FROM sqlite_master WHERE name NOT LIKE 'sqlite_%'"
+    found = connection.execute(listed).fetchall()
+    marks = ("application_id", "user_version")
+    return of_another(
+        [name for kind, name in found if kind == "table"],
+        [name for kind, name in found if kind == "view"],
+        {mark: connection.execute(f"PRAGMA {mark}").fetchone()[0] for mark in marks},
+    )
 
 
 def use_write_ahead_log(connection: Any) -> None:

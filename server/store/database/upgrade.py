@@ -13,10 +13,8 @@ from sqlalchemy.engine import Connection, Engine
 import migrations
 from server.errors import OldSchemaError, OtherDatabaseError, SchemaError
 from server.store.database.engine import create_engine, reading, writing
-from server.store.database.files import tables_of_another
+from server.store.database.files import of_another, of_another_in_sqlite
 
-#: Tables of somebody else's that are named.
-_NAMED = 5
 #: Any number, as long as every version of this program takes the same PostgreSQL advisory lock.
 _UPGRADE_LOCK = 827_346_501
 
@@ -99,11 +97,10 @@ def _current(connection: Connection) -> str | None:
         SchemaError: it is unknown here.
         OtherDatabaseError: what the schema in use holds is not rehyb's.
     """
-    if others := tables_of_another(inspect(connection).get_table_names()):
-        more = ", ..." if len(others) > _NAMED else ""
+    if others := _of_another(connection):
         raise OtherDatabaseError(
-            f"the database is not rehyb's: it holds other tables ({', '.join(others[:_NAMED])}"
-            f"{more}); name another file or database by REHYB_DATABASE_URL"
+            f"the database is not rehyb's: {others}; name another file or database by "
+            "REHYB_DATABASE_URL"
         )
     current = MigrationContext.configure(connection).get_current_revision()
     known = {script.revision for script in _scripts().walk_revisions()}
@@ -113,3 +110,10 @@ def _current(connection: Connection) -> str | None:
             f"{_head()}): it was made by a newer version; upgrade rehyb"
         )
     return current
+
+
+def _of_another(connection: Connection) -> str:
+    if connection.dialect.name == "sqlite":
+        return of_another_in_sqlite(connection.connection.dbapi_connection)
+    found = inspect(connection)
+    return of_another(found.get_table_names(), found.get_view_names())

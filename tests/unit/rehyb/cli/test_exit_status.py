@@ -77,16 +77,48 @@ def test_a_database_that_is_none_is_status_2_and_nobody_is_sent_to_a_backup(
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("command", ["db upgrade", "coordinator"])
+@pytest.mark.parametrize("command", ["db upgrade", "db check", "coordinator"])
+@pytest.mark.parametrize(
+    ("statements", "said"),
+    [
+        (["CREATE TABLE foo (x)"], "it holds other tables (foo); name another file"),
+        (["CREATE VIEW shown AS SELECT 1"], "it holds other views (shown); name another"),
+        (["PRAGMA user_version = 7"], "has put its number in it (user_version 7); name another"),
+        (["PRAGMA application_id = 9"], "has put its number in it (application_id 9); name"),
+        (["CREATE TABLE studies (x)"], "it holds other tables (studies); name another"),
+        (
+            # As Optuna keeps its own.
+            [
+                "CREATE TABLE studies (x)",
+                "CREATE TABLE trials (x)",
+                "CREATE TABLE alembic_version (version_num VARCHAR(32))",
+                "INSERT INTO alembic_version VALUES ('v3.2.0.a')",
+            ],
+            "it holds other tables (studies, trials); name another",
+        ),
+        (
+            ["CREATE TABLE alembic_version (version_num VARCHAR(32))"],
+            "it holds other tables (alembic_version); name another",
+        ),
+    ],
+)
 def test_nothing_is_written_into_a_database_of_somebody_else(
-    command: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    statements: list[str],
+    said: str,
+    command: str,
+    run: Run,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    somebody_elses(file := tmp_path / "theirs.sqlite3")
+    file = tmp_path / "theirs.sqlite3"
+    with closing(sqlite3.connect(file)) as made, made:
+        for statement in statements:
+            made.execute(statement)
     before = file.read_bytes()
     monkeypatch.setattr("signal.signal", lambda *_: None)
     monkeypatch.setenv("REHYB_DATABASE_URL", f"sqlite:///{file}")
     status, _, err = run(*command.split())
-    assert status == 2 and "it holds other tables (foo); name another file" in err
+    assert status == 2 and said in err and err.count("rehyb: ") == 1
     assert file.read_bytes() == before
 
 
