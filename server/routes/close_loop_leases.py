@@ -32,7 +32,7 @@ from server.routes.common import (
     example,
 )
 from server.routes.fleet.leases import Fence, WorkerBody
-from server.routes.uploads import naming_wanted
+from server.routes.uploads import form_of
 from server.states import JobKind, Outcome, Verdict
 
 log = logging.getLogger(__name__)
@@ -214,15 +214,15 @@ async def report(
     kind = await asyncio.to_thread(close_loops.require_holder, store, close_loop_id, proof)
     wanted = FILES_OF[kind]
     needs = f"the form must have the files {', '.join(wanted)}"
-    with naming_wanted(f"{needs[0].upper()}{needs[1:]}, each once."):
-        async with request.form(max_files=len(wanted), max_fields=0) as form:
-            files = {name: form.get(name) for name in wanted}
-            if not all(isinstance(file, UploadFile) for file in files.values()):
-                raise HTTPException(HTTPStatus.UNPROCESSABLE_ENTITY, needs)
-            opened = {n: file.file for n, file in files.items() if isinstance(file, UploadFile)}
-            stored = await asyncio.to_thread(
-                _hand_in, store, close_loop_id, opened, proof, kind=kind, code=code, now=now
-            )
+    told = f"{needs[0].upper()}{needs[1:]}, each once."
+    async with form_of(request, told, files=len(wanted)) as form:
+        files = {name: form.get(name) for name in wanted}
+        if not all(isinstance(file, UploadFile) for file in files.values()):
+            raise HTTPException(HTTPStatus.UNPROCESSABLE_ENTITY, needs)
+        opened = {n: file.file for n, file in files.items() if isinstance(file, UploadFile)}
+        stored = await asyncio.to_thread(
+            _hand_in, store, close_loop_id, opened, proof, kind=kind, code=code, now=now
+        )
     return {"verdict": Verdict.ACCEPTED if stored else Verdict.DUPLICATE}
 
 

@@ -125,6 +125,33 @@ def test_too_large_a_session_is_refused(
     assert rows(app.state.engine) == before and not looked_at
 
 
+FORM = (
+    b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.zip"\r\n\r\nPK1\r\n--x--\r\n'
+)
+
+
+@pytest.mark.parametrize("path", ["/v1/sessions", "/v1/models", "/v1/analyses"])
+def test_a_form_that_was_cut_off_is_called_that(client: TestClient, path: str) -> None:
+    headers = {"Content-Type": "multipart/form-data; boundary=x"}
+    for cut in (0, 1, 30, FORM.index(b"PK1") + 1, FORM.rindex(b"--x--") + 4):
+        answer = client.post(path, content=FORM[:cut], headers=headers)
+        assert is_problem(answer, 400)["detail"] == (
+            "the form was cut off: its closing boundary is missing; send the whole of it again"
+        )
+
+
+def test_a_form_of_another_encoding_is_refused(client: TestClient) -> None:
+    kind = "multipart/form-data; boundary=x; charset="
+    # The last ones are known to Python, and no encoding of texts.
+    for charset in ("utf-16", "latin-1", "nonsense", "punycode", "undefined"):
+        headers = {"Content-Type": kind + charset}
+        answer = client.post("/v1/sessions", content=FORM, headers=headers)
+        said = f"says charset={charset}: send its names in UTF-8"
+        assert said in is_problem(answer, 415)["detail"]
+    answer = client.post("/v1/sessions", content=FORM, headers={"Content-Type": f"{kind}UTF-8"})
+    assert answer.status_code == 201
+
+
 def test_a_session_of_the_largest_size_is_taken(client: TestClient, app: FastAPI) -> None:
     content = bytes(app.state.settings.session_bytes)
     assert client.post("/v1/sessions", content=content, headers=ZIP).status_code == 201

@@ -50,6 +50,9 @@ def test_a_form_with_too_many_files_is_told_which_ones_a_report_has(
     is_problem(answer, 400)
     assert "The form must have the files report.json, " in answer.json()["detail"]
     assert answer.json()["detail"].endswith("each once.")
+    for headers in ({}, {"Content-Type": "text/plain"}):
+        detail = is_problem(client.post(path, params=proof, content=b"x", headers=headers), 415)
+        assert detail["detail"].endswith("send multipart/form-data")
     answer = client.post("/v1/sessions", files=doubled)
     is_problem(answer, 400)
     assert "The form must have one file" in answer.json()["detail"]
