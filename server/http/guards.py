@@ -175,10 +175,12 @@ class BodyLimit:
         announced = headers.get("content-length", "0")
         waits = headers.get("expect", "").lower() == "100-continue"
         if announced.isdecimal() and int(announced) > limit:
+            answer = problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, refusal)
             # One that waits for a word before it sends has not sent anything yet.
-            if not waits:
-                await _drained(receive)
-            await problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, refusal)(scope, receive, send)
+            if waits:
+                await answer(scope, receive, send)
+            else:
+                await _answered_before_the_end(answer, scope, receive, send)
             return
         received = 0
 
@@ -193,6 +195,23 @@ class BodyLimit:
             return message
 
         await self._app(scope, counting, send)
+
+
+async def _answered_before_the_end(
+    answer: ASGIApp, scope: Scope, receive: Receive, send: Send
+) -> None:
+    """Answer at once, and read what is left of the body before the answer is said to be over.
+
+    Whoever has announced too much need not send it to hear so; whoever sends it finds the
+    connection open, and the answer when all is sent.
+    """
+
+    async def unended(message: Message) -> None:
+        await send({**message, "more_body": True} if "body" in message else message)
+
+    await answer(scope, receive, unended)
+    await _drained(receive)
+    await send({"type": "http.response.body"})
 
 
 async def _drained(receive: Receive) -> None:

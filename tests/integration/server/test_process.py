@@ -248,8 +248,15 @@ def test_whatever_a_hostile_worker_posts_nothing_gets_in_and_the_coordinator_liv
             plain.sendall(
                 f"{head}Authorization: {client.headers['Authorization']}\r\n\r\n".encode()
             )
+            # And to one that sends nothing before it has heard something.
+            plain.settimeout(10)
+            answer = b""
+            while not answer.endswith(b"}"):
+                answer += plain.recv(10_000)
+            assert answer.startswith(b"HTTP/1.1 413")
             plain.sendall(b"0" * size)
-            assert plain.recv(100).startswith(b"HTTP/1.1 413")
+            plain.sendall(b"GET /healthz HTTP/1.1\r\nHost: c\r\n\r\n")
+            assert plain.recv(100).startswith(b"HTTP/1.1 200")
         progress = client.get(f"/v1/studies/{study['id']}/progress").json()
         assert (progress["ok"], progress["failed"], progress["pending"]) == (0, 0, 191)
         verdicts = client.post("/v1/results", json=good).json()["verdicts"]
