@@ -26,6 +26,11 @@ class WrongPathError(ConflictError):
 class OtherDatabaseError(WrongPathError):
     """The database is somebody else's: it has something, and not what rehyb has."""
 
+    def __init__(self, found: str) -> None:
+        super().__init__(f"the database is not rehyb's: {found}; name another file or database")
+        #: What shows it, in words.
+        self.found = found
+
 
 class BadSettingError(CoordinatorError):
     """What an operator has set or typed cannot be."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sqlalchemy.exc import DBAPIError
 
-from server.errors import ConflictError, SchemaError, WrongPathError
+from server.errors import ConflictError, OtherDatabaseError, SchemaError, WrongPathError
 from server.instance_lock import instance_lock
 from server.operations.check import faults
 from server.store import create_engine, has_schema, upgrade
@@ -102,6 +102,9 @@ def _make_current(copy: Path, backup: Path) -> None:
             raise WrongPathError(f"{backup} is no database of rehyb: {_WANTED}")
         upgrade(url)
         found = faults(engine)
+    except OtherDatabaseError as error:
+        why = f"{backup} is no database of rehyb ({error.found}): {_WANTED}; nothing is replaced"
+        raise WrongPathError(why) from error
     except DBAPIError as error:
         if not is_sqlite(copy):
             why = f"{backup} is no SQLite database ({error.orig}): {_WANTED}; nothing is replaced"

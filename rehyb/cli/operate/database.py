@@ -278,10 +278,18 @@ def in_one_sentence(url: str | None = None) -> Iterator[None]:
     """
     from sqlalchemy.exc import SQLAlchemyError
 
-    from server.errors import BadSettingError, CoordinatorError, WrongPathError
+    from server.errors import (
+        BadSettingError,
+        CoordinatorError,
+        OtherDatabaseError,
+        WrongPathError,
+    )
 
     try:
         yield
+    except OtherDatabaseError as error:
+        named = "by REHYB_DATABASE_URL" if url is None else "as the target"
+        raise Invalid(f"{error} {named}") from error
     except (BadSettingError, WrongPathError, *WRONG_PATHS) as error:
         raise Invalid(str(error)) from error
     except (CoordinatorError, OSError) as error:

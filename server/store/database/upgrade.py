@@ -98,10 +98,7 @@ def _current(connection: Connection) -> str | None:
         OtherDatabaseError: what the schema in use holds is not rehyb's.
     """
     if others := _of_another(connection):
-        raise OtherDatabaseError(
-            f"the database is not rehyb's: {others}; name another file or database by "
-            "REHYB_DATABASE_URL"
-        )
+        raise OtherDatabaseError(others)
     current = MigrationContext.configure(connection).get_current_revision()
     known = {script.revision for script in _scripts().walk_revisions()}
     if current is not None and current not in known:

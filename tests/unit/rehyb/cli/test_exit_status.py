@@ -122,6 +122,29 @@ def test_nothing_is_written_into_a_database_of_somebody_else(
     assert file.read_bytes() == before
 
 
+def test_whose_file_is_somebody_else_s_is_said_by_what_named_it(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("REHYB_DATABASE_URL", "sqlite:///ours.sqlite3")
+    run("db", "upgrade")
+    somebody_elses(Path("theirs.sqlite3"))
+    assert run("db", "restore", "theirs.sqlite3") == (
+        2,
+        "",
+        "rehyb: theirs.sqlite3 is no database of rehyb (it holds other tables (foo)): name a copy "
+        "by `rehyb db backup`; nothing is replaced\n",
+    )
+    said = "rehyb: the database is not rehyb's: it holds other tables (foo); name another file or "
+    assert run("db", "copy", "sqlite:///theirs.sqlite3") == (
+        2,
+        "",
+        f"{said}database as the target\n",
+    )
+    monkeypatch.setenv("REHYB_DATABASE_URL", "sqlite:///theirs.sqlite3")
+    assert run("db", "check") == (2, "", f"{said}database by REHYB_DATABASE_URL\n")
+
+
 def test_a_coordinator_on_a_text_file_is_told_that_it_is_no_database(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
