@@ -338,10 +338,16 @@ def _outputs(answer: Any) -> Mapping[str, Any]:
         except ValueError as error:
             raise ModelFailure("bad_answer", str(error)) from None
         raise failure
+    if outcome != "ok":
+        what = f"outputs beside the outcome {str(outcome)[:40]!r}"
+    elif "outcome" in said:
+        what = "the outcome 'ok' without outputs"
+    else:
+        what = f"an object of {', '.join(said)[:80]!r}" if said else "anything else"
     raise ModelFailure(
         "bad_answer",
-        'the program must print {"outputs": {...}} or {"outcome": ..., "reason": ...}, not '
-        + (f"an object of {', '.join(said)[:80]!r}" if said else "anything else"),
+        'the program must print {"outputs": {...}} or, if it failed, {"outcome": ..., '
+        f'"reason": ...}}, not {what}',
     )
 
 

@@ -28,7 +28,7 @@ TROUBLES = {
     "says both": (
         """print('{"outcome": "diverged", "outputs": {"y": 1}}')""",
         "bad_answer",
-        "must print",
+        "outputs beside the outcome 'diverged'",
     ),
     "repeats itself": (
         "print('{}\\n{}')",
@@ -36,6 +36,7 @@ TROUBLES = {
         "besides its answer: it must print one line for each",
     ),
     "forgets": ("""print('{"outputs": {}}')""", "bad_answer", "output y is missing"),
+    "is well": ("""print('{"outcome": "ok"}')""", "bad_answer", "the outcome 'ok' without outputs"),
     "invents": ("""print('{"outputs": {"y": 1, "z": 2}}')""", "bad_answer", "'z' is not in"),
     "stammers": (
         """print('{"outputs": {"y": 1, "y": 2}}')""",
