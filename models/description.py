@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from models.curves import MAX_POINTS, Curve, columns
 from models.entries import DescriptionError, check_columns, check_names, factor_of, fields_of
-from models.factors import SEED, Factor, check_bounds, no_factor
+from models.factors import SEED, Factor, check_bounds, narrowest, no_factor
 
 MAX_FACTORS = 1000
 #: Of scalars, and of points of curves, all together.
@@ -215,11 +215,23 @@ class Description:
         )
         if not kept:
             described.check_columns()
+            described._check_ranges()
         return described
 
     def check_columns(self) -> None:
         """Raise a DescriptionError unless its factors and outputs can stand in one table."""
         check_columns([f.name for f in self.sources], [output.name for output in self.results])
+
+    def _check_ranges(self) -> None:
+        """Raise a DescriptionError if numbers cannot tell a factor's values apart."""
+        for i, factor in enumerate(self.factors):
+            least = narrowest(factor.low, factor.high)
+            if factor.high - factor.low < least:
+                raise DescriptionError(
+                    f"factors[{i}].high",
+                    f"lies {factor.high - factor.low:g} above low, {factor.low:g}: numbers there "
+                    f"are told apart by their last digits; it must be {least:.2g} or more",
+                )
 
 
 def complete(description: Description, parameters: Mapping[str, float]) -> dict[str, float]:

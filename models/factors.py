@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from math import inf
+from math import inf, ulp
 from types import MappingProxyType
 
 #: Factors that no longer exist, each with what to write instead.
@@ -14,6 +14,10 @@ REPLACED: Mapping[str, str] = MappingProxyType(
         )
     }
 )
+
+#: So many values of a range can numbers tell apart at least; of fewer, a factor's effect would be
+#: that of rounding.
+FEWEST_VALUES = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +96,11 @@ SEED = Factor(
     description="decides the model's random numbers",
     bounds=(0.0, 2.0**32),
 )
+
+
+def narrowest(*ends: float) -> float:
+    """Return how wide a range with such ends must be, for numbers to tell enough values apart."""
+    return FEWEST_VALUES * ulp(max(map(abs, ends)))
 
 
 def no_factor(whose: str, name: str, known: Iterable[str]) -> str:

@@ -22,7 +22,7 @@ from analysis.sensitivity.fewer_runs.limits import MOST_RUNS
 from models.curves import columns_of
 from models.description import Description
 from models.entries import DescriptionError
-from models.factors import SEED, Factor, check_bounds, no_factor
+from models.factors import SEED, Factor, check_bounds, narrowest, no_factor
 from server.errors import InvalidStudyError
 from server.records import Plan
 
@@ -312,10 +312,11 @@ def _distribution(factor: Factor, choice: FactorChoice, pointer: str) -> Distrib
         found = Distribution.from_json(described)
     except ValueError as error:
         raise InvalidStudyError(pointer, f"{choice.name}: {error}") from error
-    if (width := found.scale.width) < NARROWEST:
+    least = max(NARROWEST, narrowest(*_ends(found)))
+    if (width := found.scale.width) < least:
         raise InvalidStudyError(
             pointer,
-            f"{choice.name} would vary by {width:g} only: by {NARROWEST:g} or more, or fix it",
+            f"{choice.name} would vary by {width:g} only: by {least:.2g} or more, or fix it",
         )
     if factor.choices and "values" not in described:
         raise InvalidStudyError(pointer, _of_choices(factor))

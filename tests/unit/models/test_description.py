@@ -126,6 +126,11 @@ FACTOR = SAID["factors"][0]
         (said(factors=[]), "factors", "at least one factor"),
         (said(factors=[FACTOR, FACTOR]), "factors[1].name", "listed twice"),
         (said(factors=[{**FACTOR, "low": 30}]), "factors[0].high", "must lie above low"),
+        (
+            said(factors=[{**FACTOR, "low": 1.0, "high": 1.0 + 2e-16, "nominal": 1.0}]),
+            "factors[0].high",
+            "by their last digits; it must be 2.2e-13 or more",
+        ),
         (said(factors=[{**FACTOR, "low": -1e308, "high": 1e308}]), "factors[0].high", "above"),
         (said(factors=[{**FACTOR, "low": 10**400}]), "factors[0].low", "too large"),
         (said(factors=[{**FACTOR, "low": -1}]), "factors[0].low", "outside the bounds"),

@@ -120,6 +120,22 @@ def test_parameters_are_the_design_s_with_fixed_factors_added(plan: Drawing) -> 
             "low of a uniform distribution must be below high",
         ),
         (
+            {"factors": [FactorChoice(name="x1", range=(1.0, 1.0 + 2e-16))]},
+            "/factors/0/range",
+            "x1 would vary by 2.22045e-16 only: by 2.2e-13 or more, or fix it",
+        ),
+        (
+            {
+                "factors": [
+                    FactorChoice(
+                        name="x1", distribution={"kind": "normal", "mean": 3.0, "sd": 1e-15}
+                    )
+                ]
+            },
+            "/factors/0/distribution",
+            "only: by 4.4e-13 or more, or fix it",
+        ),
+        (
             {"factors": [FactorChoice(name="x1", distribution={"kind": "cauchy"})]},
             "/factors/0/distribution",
             "kind of a distribution must be one of",
