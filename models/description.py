@@ -215,16 +215,20 @@ class Description:
         )
         if not kept:
             described.check_columns()
-            described._check_ranges()
+            described._check_factors()
         return described
 
     def check_columns(self) -> None:
         """Raise a DescriptionError unless its factors and outputs can stand in one table."""
         check_columns([f.name for f in self.sources], [output.name for output in self.results])
 
-    def _check_ranges(self) -> None:
-        """Raise a DescriptionError if numbers cannot tell a factor's values apart."""
+    def _check_factors(self) -> None:
+        """Raise a DescriptionError if nobody can tell a factor's choices or numbers apart."""
         for i, factor in enumerate(self.factors):
+            if not all(choice.isprintable() and choice.strip() for choice in factor.choices):
+                raise DescriptionError(
+                    f"factors[{i}].choices", "must be names of characters that can be seen"
+                )
             least = narrowest(factor.low, factor.high)
             if factor.high - factor.low < least:
                 raise DescriptionError(

@@ -11,6 +11,7 @@ from sqlalchemy.engine import Engine
 from starlette.concurrency import run_in_threadpool
 
 from analysis.files.results_csv import columns
+from server.http.texts import HIDDEN
 from server.logic.study.table import lines
 from server.operations.fleet import results
 from server.operations.study import studies
@@ -39,9 +40,7 @@ Factors = Annotated[list[Column] | None, Query(max_length=1000, examples=[["x1",
 Called = Annotated[
     # A file's name has 255 bytes at most, and is neither . nor ..
     str,
-    StringConstraints(
-        min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f/\\.][^\x00-\x1f\x7f/\\]*$"
-    ),
+    StringConstraints(min_length=1, max_length=60, pattern=rf"^[^{HIDDEN}/\\.][^{HIDDEN}/\\]*$"),
 ]
 
 

@@ -12,6 +12,7 @@ from fastapi.responses import StreamingResponse
 from pydantic import StringConstraints
 from sqlalchemy.engine import Engine
 
+from server.http.texts import FILE_NAME, HIDDEN
 from server.operations import sessions
 from server.records import Session
 from server.routes.common import Configured, Id, Now, Route, Store, attachment
@@ -21,9 +22,7 @@ from server.sandbox import check
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"], route_class=Route)
 
 #: What a session may be called: it names a file.
-SessionName = Annotated[
-    str, StringConstraints(min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f/\\]+$")
-]
+SessionName = Annotated[str, StringConstraints(min_length=1, max_length=60, pattern=FILE_NAME)]
 
 
 @router.post(
@@ -115,4 +114,4 @@ def _keep(store: Engine, path: Path, **known: Any) -> tuple[Session, bool]:
 def _stem(filename: str | None) -> str | None:
     """Return what a session is called that came as a file of this name; None if it says nothing."""
     stem = PurePath((filename or "").replace("\\", "/")).stem
-    return re.sub(r"[\x00-\x1f\x7f]", "_", stem)[:60] or None
+    return re.sub(f"[{HIDDEN}]", "_", stem)[:60] or None

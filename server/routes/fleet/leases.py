@@ -13,6 +13,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.datastructures import State
 
 from server.errors import ConflictError
+from server.http.texts import HIDDEN
 from server.logic.fleet.own_models import worth_keeping
 from server.operations.fleet import leases
 from server.operations.fleet.exchange import Exchange, Grant, Ineligible, LeaseRequest
@@ -51,7 +52,7 @@ class WorkerBody(Body):
     """Who asks."""
 
     id: WorkerId
-    host: Annotated[str, StringConstraints(max_length=255, pattern=r"^[^\x00-\x1f]*$")]
+    host: Annotated[str, StringConstraints(max_length=255, pattern=f"^[^{HIDDEN}]*$")]
     versions: dict[Name, Name] = Field(default_factory=dict, max_length=50)
     tags: list[Name] = Field(default_factory=list, max_length=20)
     canaries: dict[Name, Name] = Field(

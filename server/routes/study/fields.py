@@ -3,7 +3,14 @@
 from typing import Annotated, Any
 
 from fastapi import Header, Query
-from pydantic import AfterValidator, Field, PlainValidator, StringConstraints, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PlainValidator,
+    StringConstraints,
+    WithJsonSchema,
+)
 from pydantic_core import PydanticCustomError
 
 from analysis.json_values import is_finite_number
@@ -12,8 +19,12 @@ from server.logic.json_values import is_unicode
 from server.routes.common import Name
 
 
-def _not_blank(text: str) -> str:
-    if not any(one.isprintable() and not one.isspace() for one in text):
+def _is_seen(one: str) -> bool:
+    return one.isprintable() and not one.isspace()
+
+
+def _not_blank(text: Any) -> Any:
+    if isinstance(text, str) and text and not any(map(_is_seen, text)):
         raise PydanticCustomError("blank", "a name needs a character that can be seen")
     return text
 
@@ -43,7 +54,8 @@ Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Title = Annotated[
     str,
     StringConstraints(min_length=1, max_length=200, pattern=PRINTABLE),
-    AfterValidator(_not_blank),
+    # Whoever sent nothing else hears what is needed, not what is too much.
+    BeforeValidator(_not_blank),
 ]
 Tag = Annotated[Name, AfterValidator(_of_a_worker)]
 Tags = Annotated[list[Tag], Field(max_length=20), AfterValidator(_each_once)]

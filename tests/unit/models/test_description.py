@@ -127,6 +127,13 @@ FACTOR = SAID["factors"][0]
         (said(factors=[FACTOR, FACTOR]), "factors[1].name", "listed twice"),
         (said(factors=[{**FACTOR, "low": 30}]), "factors[0].high", "must lie above low"),
         (
+            said(
+                factors=[{**FACTOR, "low": 0, "high": 1, "nominal": 0, "choices": ["a", "b\u202e"]}]
+            ),
+            "factors[0].choices",
+            "must be names of characters that can be seen",
+        ),
+        (
             said(factors=[{**FACTOR, "low": 1.0, "high": 1.0 + 2e-16, "nominal": 1.0}]),
             "factors[0].high",
             "by their last digits; it must be 2.2e-13 or more",

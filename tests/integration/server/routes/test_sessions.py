@@ -176,7 +176,7 @@ def test_a_deleted_session_is_gone_with_its_parts(client: TestClient, app: FastA
     assert rows(app.state.engine) == before
 
 
-@pytest.mark.parametrize("name", ["", "a/b", "a\\b", "x" * 61, "a\x00"])
+@pytest.mark.parametrize("name", ["", "a/b", "a\\b", "x" * 61, "a\x00", "a\u202eb"])
 def test_a_name_that_names_no_file_is_refused(client: TestClient, name: str) -> None:
     answer = client.post("/v1/sessions", params={"name": name}, content=b"PK1", headers=ZIP)
     assert is_problem(answer, 422)["pointer"] == "/query/name"

@@ -89,7 +89,9 @@ def test_a_greedy_or_empty_request_for_work_is_refused(client: TestClient, chang
     is_problem(client.post("/v1/leases", json=asking(**changes)), 422)
 
 
-@pytest.mark.parametrize("id_", ["=cmd|' /C calc'!A0", "+1", "-1+2", "@SUM(A1)", "\tx", "\rx"])
+@pytest.mark.parametrize(
+    "id_", ["=cmd|' /C calc'!A0", "+1", "-1+2", "@SUM(A1)", "\tx", "\rx", "a\u202eb"]
+)
 def test_a_worker_whose_id_a_spreadsheet_would_compute_is_refused(
     client: TestClient, id_: str
 ) -> None:

@@ -5,6 +5,8 @@ from fastapi.testclient import TestClient
 
 from tests.testbed.coordinators.rest_bodies import STUDY, Json, faults_of
 
+UNSEEN = "must have no control characters in it, nor invisible ones, as U+200B and U+202E"
+
 
 @pytest.mark.parametrize("kind", ["sqlite"])
 @pytest.mark.parametrize(
@@ -13,6 +15,11 @@ from tests.testbed.coordinators.rest_bodies import STUDY, Json, faults_of
         ({"tags": ["a", "b", "a"]}, "/tags", "'a' comes twice: leave out one"),
         ({"name": "\u200b\u2060"}, "/name", "a name needs a character that can be seen"),
         ({"name": " \u3000"}, "/name", "a name needs a character that can be seen"),
+        # It would be shown as "stop.exe".
+        ({"name": "st\u202eexe.po"}, "/name", UNSEEN),
+        ({"model": "ishi\u00adgami"}, "/model", UNSEEN),
+        ({"tags": ["fa\u200bst"]}, "/tags/0", UNSEEN),
+        ({"factors": [{"name": "x1\ufeff"}]}, "/factors/0/name", UNSEEN),
         (
             {"factors": [{"name": "x1", "range": [0.0, 5e-324]}]},
             "/factors/0/range",
