@@ -1,4 +1,4 @@
-"""The processes that a process started: which they are, what they take, and to end them (Linux)."""
+"""The processes that a process starts: what runs in them, which they are, to end them (Linux)."""
 
 import ctypes
 import os
@@ -13,6 +13,16 @@ PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 
 # Looked up before any fork: between fork and exec a process should do as little as possible.
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
+
+
+def python(*arguments: str) -> list[str]:
+    """Return the command that runs modules of ours in another process.
+
+    Python would first look for them in the folder that it runs in, where a models.py of the user's
+    own may be; -P leaves that out, unless ours are there.
+    """
+    here = Path.cwd() in Path(__file__).parents
+    return [sys.executable, *([] if here else ["-P"]), *arguments]
 
 
 def die_with_parent(parent: int, signal_number: signal.Signals) -> None:

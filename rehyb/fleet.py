@@ -6,7 +6,6 @@ import re
 import secrets
 import signal
 import subprocess
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -130,9 +129,11 @@ class LocalFleet:
             )
 
     def _add(self, name: str, module: str, *arguments: str) -> "_Process":
+        from models.processes import python
+
         process = _Process(
             name,
-            [sys.executable, "-m", module, *arguments],
+            python("-m", module, *arguments),
             self._environment,
             self.directory / "logs" / f"{name}.log",
         )

@@ -3,9 +3,9 @@
 import json
 import logging
 import subprocess
-import sys
 from pathlib import Path
 
+from models.processes import python
 from rehyb.errors import Invalid
 from rehyb.interpretation import bank_file
 
@@ -26,7 +26,7 @@ def usable_bank(chosen: Path | None) -> tuple[str, Path] | None:
     path = bank_file(chosen).resolve()
     if chosen is None and not path.exists():
         return None
-    command = [sys.executable, "-m", "rehyb", "bank", "show", "--bank", str(path), "--json"]
+    command = python("-m", "rehyb", "bank", "show", "--bank", str(path), "--json")
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=READ_SECONDS, check=False

@@ -6,9 +6,9 @@ import re
 import secrets
 import socket
 import subprocess
-import sys
 from pathlib import Path
 
+from models.processes import python
 from rehyb.errors import Invalid, RehybError
 from sim.evaluation import code, versions
 
@@ -86,7 +86,7 @@ def canary(program: str = _CANARY) -> tuple[str, float, list[str]]:
     """
     try:
         ran = subprocess.run(
-            [sys.executable, "-c", program],
+            python("-c", program),
             capture_output=True,
             text=True,
             timeout=CANARY_SECONDS,

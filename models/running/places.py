@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from models.built_in import built_in_models
 from models.description import Description, Kind
 from models.folder import MODEL_FILE, ModelError, ModelFolder, copied, read_folder, unpacked_into
 from models.packages import announced
+from models.processes import python
 from models.running.place import Place
 
 #: Faulty models of a folder that a sentence has room for.
@@ -196,7 +196,7 @@ def described(name: str) -> Description:
             f"no package here announces the model {name!r}; there are {', '.join(known) or 'none'}"
         )
     ran = subprocess.run(
-        [sys.executable, "-m", "models.packages", name],
+        python("-m", "models.packages", name),
         capture_output=True,
         text=True,
         check=False,

@@ -1,7 +1,6 @@
 """A pilots file: which batch system starts workers, how large they are and how many."""
 
 import shlex
-import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from unicodedata import category
 
+from models.processes import python
 from rehyb.durations import seconds
 from rehyb.errors import Invalid
 from rehyb.pilots.engines import ENGINES
@@ -47,7 +47,7 @@ class Settings:
     #: Lines of a shell script before the worker's.
     before: str = ""
     #: The worker and what else it is told. Default: that of this installation.
-    worker: str = f"{shlex.quote(sys.executable)} -m worker"
+    worker: str = shlex.join(python("-m", "worker"))
     #: What else the provider of parsl takes: partition, account, scheduler_options.
     options: Mapping[str, Any] = field(default_factory=dict)
 
