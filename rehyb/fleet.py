@@ -68,9 +68,10 @@ class LocalFleet:
         say: Callable[[str], object] = lambda _: None,
     ) -> None:
         self.directory = directory.resolve()
-        make_folder(self.directory, "a fleet")
         try:
-            self.token = usable(token or "") or _kept_token(self.directory / "token")
+            given = usable(token or "")
+            make_folder(self.directory, "a fleet")
+            self.token = given or _kept_token(self.directory / "token")
         except ValueError as error:
             raise FleetError(f"{self.directory} gets no coordinator: {error}") from None
         #: Where the coordinator listens; empty before the fleet has started.

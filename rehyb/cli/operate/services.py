@@ -53,6 +53,12 @@ def up(
     from models.running.pool import available_cores
     from rehyb.fleet import LocalFleet
 
+    if not directory.exists():
+        from server.run import listening
+
+        # Before anything is made there: the coordinator itself finds out too late for that.
+        with in_one_sentence():
+            listening(host, port).close()
     fleet = LocalFleet(
         directory,
         workers=available_cores() if workers is None else workers,

@@ -1,6 +1,8 @@
 """`rehyb up` listens where it is told to, by an option or by the environment."""
 
+import socket
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,9 @@ from typer.testing import CliRunner
 from rehyb import fleet
 from rehyb.cli import app
 from rehyb.errors import FleetError
+from tests.testbed.command import run as run
+
+Run = Callable[..., tuple[int, str, str]]
 
 
 def where(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> tuple[Any, Any]:
@@ -58,6 +63,29 @@ def test_a_port_that_is_none_is_refused_with_the_name_of_its_variable(
     found = CliRunner().invoke(app, ["up", "--directory", str(tmp_path)])
     assert found.exit_code == 2
     assert "REHYB_PORT" in found.output
+
+
+@pytest.mark.parametrize(
+    ("host", "status", "said"),
+    [("127.0.0.1", 1, "something else listens on port"), ("nowhere.invalid", 2, "REHYB_HOST must")],
+)
+def test_where_it_cannot_listen_nothing_is_made(
+    host: str, status: int, said: str, run: Run, tmp_path: Path
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        folder = str(tmp_path / "new" / "fleet")
+        found = run("up", "--directory", folder, "--host", host, "--port", port)
+    assert found[:2] == (status, "") and found[2].startswith(f"rehyb: {said}")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nor_for_a_token_that_no_request_can_bear(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("REHYB_TOKEN", "hush hush")
+    assert run("up", "--directory", str(tmp_path / "fleet"), "--port", "0")[0] == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_without_the_extra_server_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
