@@ -7,6 +7,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Column, Table
 
+from intake.words import counted
+
 #: Indices that tables leave out: others say more, or bound the same from closer by.
 LEFT_OUT = ("mu", "full_total_order", "independent_first_order")
 #: What ranks the factors, most influential first.
@@ -76,7 +78,8 @@ def progress_in_words(progress: Mapping[str, Any]) -> str:
     waits = f"waits for a worker with {missing}, " if missing else ""
     said = (progress.get("why_it_waits"), left_in_words(progress))
     # Who has nothing more to do is heard of no more.
-    at_work = f"{progress['workers']} workers, " if done < progress["instances"] else ""
+    workers = counted(progress["workers"], "worker", "workers")
+    at_work = f"{workers}, " if done < progress["instances"] else ""
     why = "".join(f"; {sentence}" for sentence in said if sentence)
     return (
         f"{waits}{done}/{progress['instances']} results, "

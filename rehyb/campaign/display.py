@@ -11,6 +11,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from intake.words import counted
 from rehyb.campaign.files import Report
 from rehyb.campaign.run import View
 from rehyb.client.states import StudyState
@@ -43,7 +44,7 @@ def report_parts(report: Report) -> Iterable[RenderableType]:
     yield from _remarks(report.phase2, plan.output, plan.target)
     failed = sum(report.failures.values())
     yield (
-        f"{report.instances} instances, {failed} failed "
+        f"{counted(report.instances, 'instance', 'instances')}, {failed} failed "
         f"({failures_in_words(report.failures)}), in {duration(report.seconds)}"
     )
     yield "\n".join(str(path) for path in report.files)

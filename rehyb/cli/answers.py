@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from intake.words import counted
 from rehyb.cli.options import optional
 from rehyb.client import Client, Json
 from rehyb.streams import takes_any_character
@@ -87,7 +88,8 @@ def file_written(path: Path) -> Answer:
 
 def study_submitted(study: Json) -> Answer:
     """Answer with a study as the coordinator took it."""
-    return Answer(study, f"{study['id']}  {study['name']}: {study['instances']} instances")
+    instances = counted(study["instances"], "instance", "instances")
+    return Answer(study, f"{study['id']}  {study['name']}: {instances}")
 
 
 def json_text(content: Any) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from intake.words import counted
 from rehyb.cli.answers import Answer, answering, print_line, print_rows
 from rehyb.cli.options import interruptible
 from rehyb.client import Client, Json
@@ -307,7 +308,8 @@ def _evaluated(pool: Any, place: Any, parameters: Mapping[str, float], seed: int
 def _print_check(
     description: "Description", rows: list[Json], faults: list[str], folder: Path
 ) -> None:
-    typer.echo(f"{description.version}: {description.kind}, {len(description.factors)} factors")
+    factors = counted(len(description.factors), "factor", "factors")
+    typer.echo(f"{description.version}: {description.kind}, {factors}")
     outputs = [output.columns[-1] for output in description.results[:SHOWN]]
     print_rows(
         ("where", "outcome", "ms", *outputs),

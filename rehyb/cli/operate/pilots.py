@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from intake.words import counted
 from rehyb.cli.answers import AsJson, Token, Url
 from rehyb.cli.options import interruptible, optional
 from rehyb.client import Client
@@ -88,7 +89,8 @@ def line(status: Status) -> str:
     """Return how things stand as one line."""
     leaving = f"{status.pilots_leaving} leaving, " if status.pilots_leaving else ""
     text = (
-        f"{status.waiting} instances wait, {status.under_way} under way; pilots: "
+        f"{counted(status.waiting, 'instance waits', 'instances wait')}, "
+        f"{status.under_way} under way; pilots: "
         f"{status.pilots_running} running, {status.pilots_waiting} queued, {leaving}"
         f"{status.wanted} wanted"
     )

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from intake.words import counted
 from rehyb.again import Code, compared, evaluating, not_here
 from rehyb.cli.answers import Answer, answering, json_text, print_line, print_rows
 from rehyb.cli.options import AllowedPackages, ModelFolders, Servers, StudyId, optional
@@ -197,6 +198,6 @@ def _print_replayed(answer: Json, sentence: str) -> None:
 def _state(study: Json) -> Answer:
     return Answer(
         study,
-        f"{study['id']} is {study['state']}: {study['rows']} rows, "
-        f"{study['instances']} instances, priority {study['priority']}",
+        f"{study['id']} is {study['state']}: {counted(study['rows'], 'row', 'rows')}, "
+        f"{counted(study['instances'], 'instance', 'instances')}, priority {study['priority']}",
     )

@@ -45,7 +45,7 @@ def test_a_model_with_noise_is_told_so_unless_it_says_so_itself(
 ) -> None:
     folder = model(tmp_path, f"print(json.dumps({{'outputs': {{'y': x + {noise}}}}}))")
     status, out, _ = run("model", "check", str(folder))
-    assert status == 1
+    assert status == 1 and ": command, 1 factor\n" in out
     assert "it gives other numbers at the same point" in out and "next:" not in out
     assert "says `deterministic = false`" in " ".join(out.split())
     text = (folder / "model.toml").read_text()

@@ -1,7 +1,9 @@
-"""Tables on narrow terminals and in pipes lose no number."""
+"""What is printed: tables on narrow terminals and in pipes lose no number, and one is no plural."""
 
 import pytest
 
+from rehyb.cli.answers import study_submitted
+from rehyb.cli.study.control import _state
 from rehyb.display import indices_table, pairs_table, plain_table, whole_console
 
 
@@ -33,3 +35,11 @@ def test_brackets_and_colons_of_names_are_printed_as_they_are(
     said = capsys.readouterr().out
     assert all(said.count(name) == 3 for name in names)
     assert said.count("y [/]") == 2 and "[m]" in said
+
+
+def test_one_of_a_thing_is_no_plural() -> None:
+    study = {"id": "s1", "name": "one", "state": "running", "priority": 0}
+    one = study | {"rows": 1, "instances": 1}
+    assert study_submitted(one).text == "s1  one: 1 instance"
+    assert study_submitted(study | {"instances": 20}).text == "s1  one: 20 instances"
+    assert _state(one).text == "s1 is running: 1 row, 1 instance, priority 0"

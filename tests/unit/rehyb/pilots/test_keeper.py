@@ -252,6 +252,8 @@ def test_a_status_is_one_line(site: Site) -> None:
     assert line(site.keeper.look(0.0)) == (
         "8 instances wait, 3 under way; pilots: 0 running, 3 queued, 3 wanted"
     )
+    site.work = {"waiting": 1, "under_way": 0}
+    assert line(site.keeper.look(0.0)).startswith("1 instance waits, 0 under way; ")
 
 
 def test_a_coordinator_that_is_not_there_is_said_before_anything_is_started(
