@@ -35,6 +35,9 @@ AGAIN = {"Retry-After": "2"}
 #: Faults of one request that are told.
 MOST_TOLD = 100
 
+#: Characters of a path that are told.
+MOST_OF_A_PATH = 200
+
 _STATUS: Mapping[type[CoordinatorError], HTTPStatus] = {
     NotFoundError: HTTPStatus.NOT_FOUND,
     ConflictError: HTTPStatus.CONFLICT,
@@ -110,10 +113,15 @@ def install(app: FastAPI) -> None:
         if isinstance(error.__cause__, RecursionError | ValueError):
             # FastAPI read a body and does not say what was wrong.
             return _not_taken([_entry("", f"the body is not JSON: {_flaw(error.__cause__)}")])
-        headers = dict(error.headers or {})
+        headers, detail = dict(error.headers or {}), str(error.detail)
+        path = request.url.path[:MOST_OF_A_PATH]
         if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
             headers["Allow"] = ", ".join(_allowed(request))
-        return problem(error.status_code, str(error.detail), headers=headers)
+            detail = f"{path} takes {headers['Allow']}, not {request.method}"
+        elif detail == HTTPStatus.NOT_FOUND.phrase:
+            # No route has said what there is not.
+            detail = f"there is nothing at {path}; GET /openapi.json tells what there is"
+        return problem(error.status_code, detail, headers=headers)
 
     @app.exception_handler(ClientDisconnect)
     def left(_request: Request, _error: Exception) -> JSONResponse:

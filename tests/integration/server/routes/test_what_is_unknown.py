@@ -8,7 +8,7 @@ from fastapi.routing import APIRoute
 from fastapi.testclient import TestClient
 
 from server.routes.common import Route
-from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, faults_of
+from tests.testbed.coordinators.rest_bodies import STUDY, Json, asking, faults_of, is_problem
 
 SAID = "no such query parameter: this route knows "
 
@@ -163,3 +163,13 @@ def test_a_body_that_says_nothing_is_none(client: TestClient, body: bytes) -> No
     assert client.request("GET", "/v1/studies", content=body, headers=headers).status_code == 200
     deleted = client.request("DELETE", f"/v1/studies/{study}", content=body, headers=headers)
     assert deleted.status_code == 204
+
+
+@pytest.mark.parametrize("kind", ["sqlite"])
+def test_where_there_is_nothing_it_is_said_where(client: TestClient) -> None:
+    for path in ("/v1/nothing", "/v1/studies/s/", "/docs", "/static/none.css"):
+        said = is_problem(client.get(path), 404)["detail"]
+        assert said == f"there is nothing at {path}; GET /openapi.json tells what there is"
+    said = is_problem(client.delete("/v1/studies"), 405)["detail"]
+    assert said == "/v1/studies takes GET, HEAD, POST, not DELETE"
+    assert len(is_problem(client.get("/v1/" + "x" * 5000), 404)["detail"]) < 300
