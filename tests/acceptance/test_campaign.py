@@ -162,7 +162,9 @@ def test_sigkill_of_the_command_leaves_nothing_running(directory: Path) -> None:
 def test_a_campaign_asks_before_it_fixes_and_grows_to_the_precision_wanted(
     directory: Path,
 ) -> None:
+    # So few instances are done before a second worker would have started.
     sizes = ("--screening-rows", "12", "--variance-rows", "16", "--up-to", "128")
+    sizes += ("--local-workers", "1")
     options = (*sizes, "--target", "0.25", "--confirm", "--json")
     first = start(directory, *options)
     out, words = first.communicate("no\n", timeout=180)
