@@ -72,6 +72,8 @@ def shares(recording: Recording, errors: Sequence[TrialError]) -> tuple[float, f
         errors: of one joint, at least one.
     """
     turning = recording.turning(errors[0].joint)
+    # Of a trial too short to be filtered nothing is left on the even clock.
+    errors = [one for one in errors if len(one.time) and np.any(recording.trial == one.trial)]
     even = np.zeros(len(recording.time))
     for error in errors:
         own = recording.trial == error.trial

@@ -1,5 +1,6 @@
 """Of an error far above its floor it is said where it is, though it is not judged there."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -85,3 +86,9 @@ def test_an_error_at_turns_is_said_whatever_else_is_unexplained(recording: Recor
     power = np.where(turning, 9.0, 0.01)
     share = power[turning].sum() / power.sum()
     assert share > 0.8 and f"{100 * share:.0f} % of its power is where the joint rests" in line
+
+
+def test_a_trial_of_which_no_sample_is_left_has_no_share(recording: Recording) -> None:
+    """A trial of 0.6 s ended in a traceback."""
+    gone = replace(error(recording, np.full(len(recording.time), 0.5)), trial=99)
+    assert shares(recording, [gone]) == (0.0, 0.0)
